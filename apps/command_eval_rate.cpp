@@ -142,8 +142,16 @@ Json to_json(const rate::InterpolationError& e) {
           {"max_ssim", five_places(e.most_ssim)}};
 }
 
+Json to_json(const rate::RoomError& e) {
+  return {{"scenes", e.scenes},
+          {"plate_bytes", five_places(e.plate_bytes)},
+          {"plate_loss", five_places(e.plate_loss)},
+          {"still_bytes", five_places(e.still_bytes)},
+          {"still_loss", five_places(e.still_loss)}};
+}
+
 std::string to_json(const std::vector<Outcome>& outcomes, const rate::InterpolationError& between,
-                    const std::vector<TraceRun>& traces) {
+                    const rate::RoomError& room, const std::vector<TraceRun>& traces) {
   Json out{{"models", models_of(outcomes.front())},
            {"rate_error", five_places(rate::statistics(ours(outcomes.front())).rate_error)},
            {"decision_ms", five_places(decision_ms(outcomes))}};
@@ -151,6 +159,7 @@ std::string to_json(const std::vector<Outcome>& outcomes, const rate::Interpolat
     out["parts"][outcome.part.key] = {{"predictions", outcome.models.front().second.size()},
                                       {"models", models_of(outcome)}};
   out["interpolation"] = to_json(between);
+  out["room"] = to_json(room);
   out["traces"] = to_json(traces);
   return out.dump(2) + "\n";
 }
@@ -213,6 +222,7 @@ int run_rate(const RateOptions& options) {
         "leaving one scene out needs sweeps of two; measure more with 'meshreduce eval rd'");
   const std::vector<TraceRun> traces = run_traces(*sweeps);
   const rate::InterpolationError between = rate::interpolation_error(*sweeps);
+  const rate::RoomError room = rate::room_error(*sweeps);
   if (!options.traces.empty() &&
       std::ranges::find(traces, options.scene, &TraceRun::scene) == traces.end())
     return fail("no sweep in the steady state is of scene '" + options.scene + "'");
@@ -221,12 +231,16 @@ int run_rate(const RateOptions& options) {
                                    {options.traces, draw_traces(traces, options.scene)}});
       !ok)
     return fail(ok.error().message);
-  const std::string checked = fmt::format(
+  std::string checked = fmt::format(
       "between the settings of the grid, {} measured ones: rate off by {:.1f} % mean, {:.1f} % "
       "most, SSIM by {:.4f} and {:.4f}\n",
       between.points, 100 * between.mean_rate, 100 * between.most_rate, between.mean_ssim,
       between.most_ssim);
-  fmt::print("{}", options.json ? to_json(outcomes, between, traces)
+  checked += fmt::format(
+      "the room, by features alone: bytes of plates off by {:.0f} %, of still surface by {:.0f} %, "
+      "SSIM that is lost with coarser ones by {:.4f} and {:.4f}\n",
+      100 * room.plate_bytes, 100 * room.still_bytes, room.plate_loss, room.still_loss);
+  fmt::print("{}", options.json ? to_json(outcomes, between, room, traces)
                                 : to_text(outcomes) + checked + to_text(traces));
   return 0;
 }

@@ -39,6 +39,8 @@ struct Summary {
   double target = 0, sent = 0;  ///< Mbit/s, summed over seconds
   double worst_second = 0;      ///< of the target
   double response_s = 0, largest_step = 0;
+  double ssim = 0;  ///< as shown, less what the room lacks; summed over seconds
+  int seconds = 0;
   int skipped = 0, changes = 0;
 };
 
@@ -50,6 +52,7 @@ std::map<std::string, Summary> summaries(const std::vector<TraceRun>& runs) {
     for (std::size_t i = 0; i < seconds.size(); ++i) {
       s.target += seconds[i].target_mbps, s.sent += seconds[i].mbps;
       s.worst_second = std::max(s.worst_second, seconds[i].mbps / seconds[i].target_mbps);
+      s.ssim += seconds[i].ssim - seconds[i].lacking, ++s.seconds;
       s.skipped += seconds[i].skipped, s.changes += seconds[i].changes;
       const bool same_target =
           i > 2 && std::abs(seconds[i].target_mbps / seconds[i - 1].target_mbps - 1) < 0.02;
@@ -94,6 +97,7 @@ nlohmann::ordered_json to_json(const std::vector<TraceRun>& runs) {
                  {"worst_second", rounded_to(s.worst_second)},
                  {"response_s", rounded_to(s.response_s)},
                  {"largest_ssim_step", rounded_to(s.largest_step)},
+                 {"mean_ssim", rounded_to(s.ssim / s.seconds)},
                  {"skipped", s.skipped},
                  {"changes", s.changes}};
   return out;

@@ -45,7 +45,7 @@ constexpr double kWaiting = 1e9;  // bytes of still surface
 /// A capture whose moving surface takes so much, and as much still surface as may come. Its bytes.
 double capture(RateControl& control, const CaptureSet& captures, double moving_bytes = 1000) {
   CodingPlan plan;
-  if (!control.begin(captures, kWaiting, false, plan)) return 0;
+  if (!control.begin(captures, {.still_bytes = kWaiting}, false, plan)) return 0;
   const RateControl::Budget budget = control.code(moving_bytes, kWaiting, false);
   Packet packet;
   EncodedChunk moving, still;

@@ -43,7 +43,7 @@ struct MadeStream {
   struct Capture {
     CapturePlan plan;
     Setting setting;  ///< in force
-    double target_mbps = 0, mbps = 0, backlog = 0;
+    double target_mbps = 0, mbps = 0, backlog = 0, backlog_share = 0;
     bool is_best_effort = false;
   };
 
@@ -60,7 +60,8 @@ struct MadeStream {
   void step() {
     const bool is_due = key_frame_every > 0 && captures.size() % key_frame_every == 0;
     const bool key_frame = captures.empty() || is_due || std::exchange(key_frame_asked, false);
-    CapturePlan plan = controller.begin(backlog);
+    CapturePlan plan =
+        controller.begin({.plate_bytes = backlog, .plate_qp = backlog_qp, .best_plate_qp = 20});
     CaptureBytes bytes;
     key_frame_needed |= key_frame || plan.key_frame;
     plan.key_frame = key_frame_needed;
@@ -78,7 +79,7 @@ struct MadeStream {
     controller.sent(bytes);
     captures.push_back({plan, controller.setting(), controller.target_mbps(),
                         (bytes.geometry + bytes.texture + bytes.refinement) * 8e-6 * scene.fps,
-                        before, controller.is_best_effort()});
+                        before, controller.backlog_share(), controller.is_best_effort()});
   }
 
   /// Mean rate of the captures from `from_s` to `to_s`.
@@ -93,7 +94,8 @@ struct MadeStream {
   MadeScene scene;
   Controller controller;
   std::size_t key_frame_every = 250;  ///< 0: the first alone
-  double backlog = 0;                 ///< bytes that wait
+  double backlog = 0;                 ///< bytes of plates that wait
+  double backlog_qp = 36;             ///< of the plates as shown
   bool key_frame_asked = false;       ///< for the next one
   bool key_frame_needed = false;      ///< and not sent yet
   double least_piece = 0;             ///< bytes; the backlog is not sent in smaller pieces

@@ -48,6 +48,16 @@ inline double made_moving_ssim(const MadeScene& scene, double error_voxels, doub
   return made_ssim(scene, error_voxels, scale, qp) - 0.06 * std::log1p(error_voxels);
 }
 
+/// The room: plates and still surface.
+inline double made_plate_bytes(const MadeScene& scene, int qp) {
+  return 2e5 * scene.textured * std::exp(-scene.per_qp * (qp - 28));
+}
+inline double made_plate_loss(const MadeScene& scene, int qp) {
+  return 0.002 * scene.textured * (std::exp(0.1 * (qp - 12)) - 1);
+}
+inline double made_still_bytes(double error_voxels) { return 2e5 * std::pow(error_voxels, -0.1); }
+inline double made_still_loss(double error_voxels) { return 0.008 * std::log(error_voxels / 0.35); }
+
 /// What a lattice takes of the geometry's bytes, and what it adds to quality.
 struct MadeLattice {
   int bits = kBits;
@@ -90,6 +100,12 @@ inline Sweep made_sweep(const MadeScene& scene = {}) {
                                made_moving_ssim(scene, error, scale, qp) + 2 * ssim});
     }
   }
+  if (!scene.layers) return out;
+  const double best = made_ssim(scene, 0.5, 1, 18);
+  for (const int qp : kPlateNodes_qp)
+    out.plates.push_back({qp, made_plate_bytes(scene, qp), best - made_plate_loss(scene, qp)});
+  for (const double error : kStillNodes_voxels)
+    out.stills.push_back({error, made_still_bytes(error), best - made_still_loss(error)});
   return out;
 }
 

@@ -91,7 +91,7 @@ TEST(ModelsFile, IsTheSameWhenWrittenAgain) {
 }
 
 TEST(ModelsFile, OfAnotherVersionIsUnsupported) {
-  for (const char* version : {"0", "1", "3", "-1"}) {
+  for (const char* version : {"0", "1", "2", "4", "-1"}) {
     const auto read = models_from_json(with_number(small_file(), "\"version\": ", version));
     ASSERT_FALSE(read);
     EXPECT_EQ(read.error().cause, Error::Cause::unsupported) << read.error().message;
@@ -176,9 +176,9 @@ TEST(ModelsFile, RefusesImpossibleParts) {
 
 TEST(ModelsFile, RefusesWhatIsNone) {
   for (const std::string_view text :
-       {"", "null", "[]", "7", "\"version\"", "{\"version\": 2}", "{\"version\": \"2\"}",
-        "{\"version\": 2, \"classifier\": [], \"lookup\": [], \"ours\": []}",
-        "{\"version\": 2, \"classifier\": 1, \"lookup\": 2, \"ours\": 3}", "\xff\xfe"}) {
+       {"", "null", "[]", "7", "\"version\"", "{\"version\": 3}", "{\"version\": \"3\"}",
+        "{\"version\": 3, \"classifier\": [], \"lookup\": [], \"ours\": []}",
+        "{\"version\": 3, \"classifier\": 1, \"lookup\": 2, \"ours\": 3}", "\xff\xfe"}) {
     const auto read = models_from_json(text);
     ASSERT_FALSE(read) << text;
     EXPECT_EQ(read.error().cause, Error::Cause::corrupt) << text;

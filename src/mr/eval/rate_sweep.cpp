@@ -38,8 +38,6 @@ constexpr double kErrorOfBits_voxels = 1;
 constexpr TextureNode kTexturesOfBits[] = {{1, 28}, {0.7, 38}};
 // Plates and still surface cost nothing in the steady state: they are at their best.
 constexpr int kPlateQp = 20;
-constexpr int kPlateQps[] = {12, 20, 28, 36, 44};
-constexpr double kStillErrors_voxels[] = {1, 3};
 // Captures that run in full before the burst, until the still surface is handed over, and then
 // until its plates are refined.
 constexpr int kHandOver = 14, kRefined = 32;
@@ -54,14 +52,6 @@ constexpr double kSmallScale = 0.125;
 ScenePlan plan_of(const Scene& scene, double error_voxels) {
   ScenePlan out = node::scene_plan(scene, error_voxels);
   out.root.texture_scale = out.root.plate_scale = kSmallScale;
-  return out;
-}
-
-/// The finest error limit of the sensors' still surfaces, in voxels.
-double still_error_voxels(const Scene& scene) {
-  double out = 0;
-  for (const SensorId id : all_sensors(scene.sensors))
-    out = std::max(out, node::sensor_plan(scene, id).still_error_m / scene.voxel_m);
   return out;
 }
 
@@ -462,7 +452,7 @@ class MomentSweep {
   Status measure_plates() {
     if (!has_layers_ || plates_.empty()) return {};
     const LumaTexture& best = textures_.front();
-    for (const int qp : kPlateQps) {
+    for (const int qp : rate::kPlateNodes_qp) {
       const auto coded = encode_plates(qp);
       if (!coded) return coded.error();
       const auto quality = score(
@@ -477,8 +467,7 @@ class MomentSweep {
   /// The still surface at several errors. Last: the pipeline has another one afterwards.
   Status measure_stills() {
     if (!has_layers_) return {};
-    const double best = still_error_voxels(scene_);
-    for (const double error : {best, kStillErrors_voxels[0], kStillErrors_voxels[1]}) {
+    for (const double error : rate::kStillNodes_voxels) {
       ScenePlan plan = plan_of(scene_, rate::kErrorNodes_voxels[0]);
       for (const SensorId id : all_sensors(scene_.sensors)) {
         CodingPlan of_sensor = plan.of(id);

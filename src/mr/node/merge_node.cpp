@@ -61,7 +61,7 @@ Result<std::vector<std::byte>> MergeNode::merge(const CaptureSet& captures,
   const TimePoint started = clock_.now ? clock_.now() : TimePoint{};
   CodingPlan plan = plan_.get();
   const bool is_left_out =
-      rate_ && !rate_->begin(captures, waiting_bytes(), writer_.is_base_due(sequence_), plan);
+      rate_ && !rate_->begin(captures, backlog(), writer_.is_base_due(sequence_), plan);
   // The room is learnt all the same.
   if (const Status updated = update_layers(captures, plan.decimation, on_cores_free); !updated) {
     if (rate_ && !is_left_out) rate_->give_up();
@@ -93,9 +93,12 @@ Result<std::vector<std::byte>> MergeNode::send(const CaptureSet& captures, const
   return bytes;
 }
 
-/// Still surface and plates.
-double MergeNode::waiting_bytes() const {
-  return publisher_.waiting_bytes() + (poses_.views.empty() ? 0 : atlas_.waiting_bytes());
+rate::Backlog MergeNode::backlog() const {
+  rate::Backlog out{.still_bytes = publisher_.waiting_bytes()};
+  if (poses_.views.empty()) return out;
+  const RootAtlas::Waiting& plates = atlas_.waiting();
+  out.plate_bytes = plates.bytes, out.plate_qp = plates.qp, out.best_plate_qp = plates.best_qp;
+  return out;
 }
 
 /// Mesh and pictures. What moves is coded first: the rest gets what that leaves.
@@ -113,7 +116,7 @@ Status MergeNode::code(const CaptureSet& captures, Packet& packet) {
   if (rate_) {
     const bool key_frame = is_drawn && atlas_.needs_key_frame(**drawn);
     const RateControl::Budget budget =
-        rate_->code(static_cast<double>(*moving_bytes), waiting_bytes(), key_frame);
+        rate_->code(static_cast<double>(*moving_bytes), backlog().bytes(), key_frame);
     packet.plan.texture_qp = budget.texture_qp, of_still = budget.refinement;
   }
   if (const Status coded = code_pictures(captures, *std::move(drawn), packet); !coded) return coded;

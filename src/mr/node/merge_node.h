@@ -112,7 +112,7 @@ class MergeNode {
   bool correct_poses(const CaptureSet& captures, bool measure, std::vector<kit::Part>& parts);
   void update_plates(const CaptureSet& captures, const std::vector<kit::Part>& moving);
   void add_sources(Packet& packet) const;
-  double waiting_bytes() const;
+  rate::Backlog backlog() const;
   Result<std::vector<std::byte>> send(const CaptureSet& captures, const CodingPlan& plan,
                                       TimePoint started);
   Result<std::optional<RootAtlas::Drawn>> draw(const CaptureSet& captures, const Packet& packet);

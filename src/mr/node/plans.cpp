@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "mr/rate/grid.h"
+
 namespace mr::node {
 namespace {
 
@@ -9,7 +11,7 @@ namespace {
 // no walls share the triangle budget.
 constexpr double kMovingError_voxels = 0.5;
 // Error limit for the still surface: it is sent once, so it may be finer than one capture's noise.
-constexpr double kStillError_voxels = 0.35;
+constexpr double kStillError_voxels = rate::kStillNodes_voxels[0];
 
 // QP steps: plates are encoded seldom and shown for long.
 constexpr int kPlatesFiner = 8;

@@ -62,6 +62,12 @@ double PlateRows::row_coarser_than(int qp, int row) const {
   return out;
 }
 
+double PlateRows::mean_qp() const {
+  double out = 0;
+  for (const Block& block : blocks_) out += block.share * block.qp;
+  return out;
+}
+
 double PlateRows::coarser_than(int qp) const { return coarser_than(qp, {0, rows() * kStep}); }
 
 double PlateRows::coarser_than(int qp, kit::RowBand band) const {

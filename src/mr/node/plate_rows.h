@@ -22,6 +22,8 @@ class PlateRows {
   /// A band of it was.
   void note_band(kit::RowBand band, int qp);
 
+  /// The mean of the blocks' quantisers, by their share; 0 of no picture.
+  double mean_qp() const;
   /// 0..1: the share of the blocks that were sent more coarsely.
   double coarser_than(int qp) const;
   double coarser_than(int qp, kit::RowBand band) const;

@@ -52,7 +52,7 @@ void RateControl::note_features(const std::vector<FrameFeatures>& frames) {
   if (!sensors.empty()) controller_.set_features(rate::scene_features(sensors));
 }
 
-bool RateControl::begin(const CaptureSet& captures, double waiting, bool whole_head,
+bool RateControl::begin(const CaptureSet& captures, const rate::Backlog& waiting, bool whole_head,
                         CodingPlan& root) {
   is_whole_head_ = whole_head;
   note_pace(captures.tick);

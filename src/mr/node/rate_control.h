@@ -32,9 +32,10 @@ class RateControl {
   void set_target(double mbps) { target_mbps_ = mbps; }
 
   /// Before a tick is merged: puts decimation and texture scale into the root's plan. `waiting`:
-  /// bytes of still surface and plates; `whole_head`: the packet's head will contain a base. False:
-  /// the tick is not to be sent.
-  bool begin(const CaptureSet& captures, double waiting, bool whole_head, CodingPlan& root);
+  /// still surface and plates; `whole_head`: the packet's head will contain a base. False: the tick
+  /// is not to be sent.
+  bool begin(const CaptureSet& captures, const rate::Backlog& waiting, bool whole_head,
+             CodingPlan& root);
   /// What plates may take in this tick; `may_refine`: no still surface waits.
   PlateLimits plate_limits(bool may_refine) const;
 

@@ -380,7 +380,7 @@ void RootAtlas::note_plate_bytes(std::size_t bytes, std::size_t blocks, int qp) 
 
 /// How the atlas of plates is to be encoded now; nothing: it is as good as it can be, or waits.
 std::optional<RootAtlas::DuePlates> RootAtlas::due_plates(int best_qp, const PlateLimits& limits) {
-  plates_held_ = false, waiting_bytes_ = 0;
+  plates_held_ = false, waiting_ = {};
   if (are_plates_new(plate_layout_.views.front().layout)) return new_plates(best_qp, limits);
   return limits.may_refine ? refined_plates(best_qp, limits) : std::nullopt;
 }
@@ -397,7 +397,10 @@ std::optional<RootAtlas::DuePlates> RootAtlas::new_plates(int best_qp, const Pla
         static_cast<std::size_t>(static_cast<double>(all) * rows_.coarser_than(qp));
     return is_whole ? all : std::min(blocks_waiting_ + coarser, all);
   };
-  waiting_bytes_ = plate_bytes(blocks_at(best_qp), best_qp);
+  const double fresh =
+      is_whole ? 1 : static_cast<double>(std::min(blocks_waiting_, all)) / std::max<double>(all, 1);
+  waiting_ = {plate_bytes(blocks_at(best_qp), best_qp),
+              fresh * kCoarsestQp + (1 - fresh) * rows_.mean_qp(), static_cast<double>(best_qp)};
   int qp = best_qp;
   while (qp < kCoarsestQp && plate_bytes(blocks_at(qp), qp) > limits.now.bytes) ++qp;
   if (plate_bytes(blocks_at(qp), qp) <= limits.now.bytes || limits.now.one_anyway)
@@ -414,11 +417,11 @@ std::optional<RootAtlas::DuePlates> RootAtlas::refined_plates(int best_qp,
   constexpr double kRounding = 1e-9;  // the limit was made from what waits
   const std::size_t all = valid_blocks();
   const double whole = plate_bytes(all, best_qp), coarse = rows_.coarser_than(best_qp);
-  waiting_bytes_ = whole * coarse;
-  if (waiting_bytes_ <= 0) return std::nullopt;
+  waiting_ = {whole * coarse, rows_.mean_qp(), static_cast<double>(best_qp)};
+  if (waiting_.bytes <= 0) return std::nullopt;
   const double now = limits.now.bytes * (1 + kRounding);
   if (whole <= now) return DuePlates{best_qp, all};
-  if (waiting_bytes_ > now && now < kWorthIt * limits.largest_bytes) return std::nullopt;
+  if (waiting_.bytes > now && now < kWorthIt * limits.largest_bytes) return std::nullopt;
   const auto band = rows_.first_coarser_than(best_qp, now / whole);
   if (!band) return std::nullopt;
   const double share = rows_.coarser_than(best_qp, *band);

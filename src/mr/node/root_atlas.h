@@ -125,8 +125,13 @@ class RootAtlas {
   /// Whether, by the last draw(), plates with new content wait to be sent. New labels may refer to
   /// it.
   bool are_plates_held() const { return plates_held_; }
-  /// About how many bytes of plates waited in the last draw(), with those that it gave.
-  double waiting_bytes() const { return waiting_bytes_; }
+  /// About how many bytes of plates waited in the last draw(), with those that it gave, and how
+  /// coarse the plates are without them.
+  struct Waiting {
+    double bytes = 0;
+    double qp = 0, best_qp = 0;  ///< mean over the blocks: what is new counts as the coarsest
+  };
+  const Waiting& waiting() const { return waiting_; }
   /// Adds views and texture units to a packet, coded by its plan.
   Status encode(Drawn drawn, Packet& packet);
 
@@ -194,7 +199,7 @@ class RootAtlas {
   bool plates_due_ = false;
   double block_bytes_ = 32;  ///< of a block of plates, with a usual quantiser; learnt
   bool plates_held_ = false;
-  double waiting_bytes_ = 0;
+  Waiting waiting_;
   PlateRows rows_;  ///< of the newest atlas of plates
   atlas::ColorCorrections plate_colors_;
   std::uint32_t drawn_layout_ = 0;

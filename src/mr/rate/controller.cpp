@@ -24,6 +24,7 @@ constexpr double kUsualKey = 8;  // key frames, in other frames, until one was s
 constexpr double kErrorPower = 0.3;  // bytes of the mesh fall with this power of the error limit
 constexpr double kFinerMesh = 1.4;   // errors, by a step
 constexpr double kHelps = 0.95;      // an urgent change cuts what is needed to less
+constexpr double kOtherLoad = 0.6;   // of what the setting needed first: the scene has changed
 constexpr double kLeast_mbps = 0.01;
 constexpr double kRepay = 4;                         // captures over which credit is used
 constexpr double kMostCredit = 3;                    // captures' worth, saved
@@ -106,7 +107,7 @@ double Controller::allowed() const {
 
 /// What of a capture's share is for the backlog.
 double Controller::for_backlog(double backlog) const {
-  return std::min(kLeastForBacklog * bytes_of(target_mbps_), purse_room(backlog));
+  return std::min(backlog_share_ * bytes_of(target_mbps_), purse_room(backlog));
 }
 
 double Controller::purse_room(double backlog) const {
@@ -138,7 +139,7 @@ bool Controller::is_idle(double mbps) const {
 bool Controller::is_worth_it(const Setting& wanted, double budget_mbps) const {
   if (wanted == setting_) return false;
   if (!has_chosen_ || target_changed_) return true;
-  const double needed = mbps_of(geometry_ + texture_);
+  const double needed = load(budget_mbps) * budget_mbps;
   const bool is_reversal = direction_ != 0 && direction_of(setting_, wanted) != direction_;
   const bool is_urgent = needed > 1.3 * budget_mbps || mbps_at(kCoarsestQp) > budget_mbps;
   if (is_urgent)
@@ -147,10 +148,18 @@ bool Controller::is_worth_it(const Setting& wanted, double budget_mbps) const {
   const bool idle = is_idle(budget_mbps);
   if (idle && (wanted.error_voxels > setting_.error_voxels || wanted.scale < setting_.scale))
     return false;
-  const double hold_s = is_reversal && !idle ? kHoldReversal_s : kHold_s;
+  const bool is_held = is_reversal && !idle && !has_scene_changed(budget_mbps);
+  const double hold_s = is_held ? kHoldReversal_s : kHold_s;
   if (since_change_ < hold_s * fps_) return false;
   const bool is_free = idle && wanted.scale == setting_.scale;  // no key frame
   return is_free || needed > 1.1 * budget_mbps || needed < 0.7 * budget_mbps;
+}
+
+/// Whether the setting in force needs another part of the budget than when it was new: what spoke
+/// for it then does no more.
+bool Controller::has_scene_changed(double budget_mbps) const {
+  const double by = first_load_ > 0 ? load(budget_mbps) / first_load_ : 1;
+  return by < kOtherLoad || by > 1 / kOtherLoad;
 }
 
 /// Bytes of a capture with another setting, judged by what the one in force takes.
@@ -169,7 +178,7 @@ void Controller::take(const Setting& setting) {
   key_ *= texture_ > 0 ? texture / texture_ : 1;
   texture_ = texture, geometry_ = expected_geometry(setting);
   key_frame_needed_ |= setting.scale != setting_.scale;
-  setting_ = setting, captures_ = textures_ = 0, since_change_ = 0;
+  setting_ = setting, captures_ = textures_ = 0, since_change_ = 0, first_load_ = 0;
 }
 
 /// Whether even the best quality leaves half of a rate: next to nothing moves. Models were trained
@@ -182,15 +191,19 @@ bool Controller::has_ample(double mbps) const {
   return mbps_of(geometry + texture) < 0.5 * mbps;
 }
 
-/// Lets the model choose for a rate, given what was produced lately.
+/// Tells the model what the setting in force produces. Where captures are left out, waiting for
+/// more of them takes long.
+void Controller::note_produced() {
+  if (captures_ < (is_best_effort_ ? kFewestAtWorst : kFewest)) return;
+  const double key = key_ > 0 ? key_ : kUsualKey * texture_;
+  observed_.produced.push_back(
+      {setting_, geometry_ * 8e-6 * nominal_fps_, (texture_ * (nominal_fps_ - 1) + key) * 8e-6});
+  if (observed_.produced.size() > 6) observed_.produced.erase(observed_.produced.begin());
+}
+
+/// Lets the model choose for a rate.
 void Controller::decide(double for_setting_mbps) {
-  // Where captures are left out, waiting for more of them takes long.
-  if (captures_ >= (is_best_effort_ ? kFewestAtWorst : kFewest)) {
-    const double key = key_ > 0 ? key_ : kUsualKey * texture_;
-    observed_.produced.push_back(
-        {setting_, geometry_ * 8e-6 * nominal_fps_, (texture_ * (nominal_fps_ - 1) + key) * 8e-6});
-    if (observed_.produced.size() > 6) observed_.produced.erase(observed_.produced.begin());
-  }
+  if (captures_ >= kFewest && first_load_ <= 0) first_load_ = load(for_setting_mbps);
   Setting wanted = kFinestSetting;
   if (!has_ample(for_setting_mbps))
     wanted = model_->choose(observed_, for_setting_mbps * nominal_fps_ / fps_);
@@ -205,9 +218,24 @@ void Controller::decide(double for_setting_mbps) {
   has_chosen_ = true, target_changed_ = false, since_decision_ = 0;
 }
 
-CapturePlan Controller::begin(double backlog, double extra) {
-  const double share = bytes_of(target_mbps_), aside = for_backlog(backlog);
-  if (target_changed_ || since_decision_ >= kDecideEvery) decide(mbps_of(share - aside));
+/// Lets the model choose the backlog's share. That rises gently, so that what moves does not become
+/// coarse at once.
+void Controller::share_out(const Backlog& waiting) {
+  constexpr double kRise = 0.05;
+  const double wanted =
+      model_->backlog_share(observed_, waiting, target_mbps_ * nominal_fps_ / fps_);
+  const double most = backlog_share_ > 0 ? backlog_share_ + kRise : kUsualBacklogShare;
+  backlog_share_ = std::min(wanted, most);
+}
+
+CapturePlan Controller::begin(const Backlog& waiting, double extra) {
+  const double share = bytes_of(target_mbps_), backlog = waiting.bytes();
+  const bool is_due = target_changed_ || since_decision_ >= kDecideEvery;
+  if (is_due) note_produced();
+  if (backlog <= 0) backlog_share_ = 0;
+  if (backlog > 0 && (is_due || backlog_share_ <= 0)) share_out(waiting);
+  const double aside = for_backlog(backlog);
+  if (is_due) decide(mbps_of(share - aside));
   ++since_decision_, ++since_change_;
 
   // Where the least is more than the share, captures wait until what was saved pays for one.

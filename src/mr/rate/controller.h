@@ -5,9 +5,11 @@
 #include <memory>
 #include <vector>
 
+#include "mr/rate/backlog_share.h"
 #include "mr/rate/grid.h"
 #include "mr/rate/model.h"
 #include "mr/rate/observation.h"
+#include "mr/rate/room.h"
 #include "mr/rate/setting.h"
 
 namespace mr::rate {
@@ -23,7 +25,7 @@ struct CapturePlan {
 /// What is known of a capture once its mesh is coded and its pictures are drawn.
 struct CaptureState {
   double geometry = 0;  ///< bytes: moving chunks and the head
-  double backlog = 0;   ///< bytes of still surface and plates that wait to be sent
+  double backlog = 0;   ///< bytes of it, as it is now
   bool key_frame = false;
 };
 
@@ -53,15 +55,14 @@ struct CaptureBytes {
 ///   captures as near to the target as quantisers allow, over every second below kMostInASecond of
 ///   it, key frames included.
 /// - Still surface and plates wait in a backlog. They get what the moving surface leaves, and at
-///   least kLeastForBacklog of the target, spread over the captures. What they do not take at once,
-///   since pictures come in one piece, is kept for them.
+///   least the share of the target that the model gives them, spread over the captures. What they
+///   do not take at once, since pictures come in one piece, is kept for them.
 /// - Where the coarsest setting does not fit, captures are left out.
 ///
 /// Time is counted in captures; no socket, no thread, no clock.
 class Controller {
  public:
   static constexpr double kMostInASecond = 1.08;
-  static constexpr double kLeastForBacklog = 0.35;
 
   /// `model` must not be null. `target_mbps`: see set_target().
   Controller(std::shared_ptr<const Model> model, bool layers, double fps, double target_mbps);
@@ -82,9 +83,9 @@ class Controller {
   /// No setting may have a higher error: captures are left out before.
   void set_coarsest_error(double voxels);
 
-  /// The plan of the next capture. `backlog`: bytes of still surface and plates that wait to be
-  /// sent, at least 0; `extra`: bytes that this one takes beside what others take.
-  CapturePlan begin(double backlog, double extra = 0);
+  /// The plan of the next capture. `backlog`: what waits before it; `extra`: bytes that this one
+  /// takes beside what others take.
+  CapturePlan begin(const Backlog& backlog, double extra = 0);
   CaptureBudget code(const CaptureState& capture);
   /// The most bytes that are saved for one piece of the backlog.
   double largest_piece() const;
@@ -95,6 +96,8 @@ class Controller {
 
   /// The setting around which quantisers move.
   const Setting& setting() const { return setting_; }
+  /// What the backlog gets of the target, at least; 0: there is none.
+  double backlog_share() const { return backlog_share_; }
   /// Whether the target cannot be met: even the coarsest quantiser of the setting in force needs
   /// more, key frames aside.
   bool is_best_effort() const { return is_best_effort_; }
@@ -105,7 +108,11 @@ class Controller {
   double mbps_at(int qp) const;
   bool is_idle(double mbps) const;
   bool has_ample(double mbps) const;
+  void note_produced();
+  void share_out(const Backlog& waiting);
   void decide(double for_setting_mbps);
+  double load(double budget_mbps) const { return mbps_of(geometry_ + texture_) / budget_mbps; }
+  bool has_scene_changed(double budget_mbps) const;
   int qp_of_rest() const;
   void save_for_backlog(double backlog, double unused);
   bool is_worth_it(const Setting& wanted, double budget_mbps) const;
@@ -126,7 +133,9 @@ class Controller {
   Setting setting_ = {};
   bool has_chosen_ = false, target_changed_ = true, is_best_effort_ = false;
   int since_sent_ = 0, since_decision_ = 0, since_change_ = 0;
-  int direction_ = 0;  ///< of the last change: 1 finer, -1 coarser
+  int direction_ = 0;      ///< of the last change: 1 finer, -1 coarser
+  double first_load_ = 0;  ///< of the setting in force, load() as first measured; 0: not yet
+  double backlog_share_ = 0;
   // Of the setting in force, means over the last captures:
   double geometry_ = 0, texture_ = 0, key_ = 0;  ///< bytes of a capture; texture at setting_.qp
   std::uint64_t sent_ = 0;                       ///< captures in all

@@ -15,11 +15,13 @@ namespace {
 
 // A scene's values: rates of geometry, rates of texture; losses of quality and the best, of the
 // whole picture and of what moves; of each lattice but the grid's, the logarithm of its rate
-// against the grid's and the differences of quality.
+// against the grid's and the differences of quality; of the room, bytes and losses.
 constexpr std::size_t kTextureAt = kErrors, kQualityAt = kTextureAt + kTextures,
                       kOfQuality = kErrors * kTextures + 1, kMovingAt = kQualityAt + kOfQuality,
                       kLatticesAt = kMovingAt + kOfQuality, kOfLattice = 3,
-                      kValues = kLatticesAt + (std::size(kLattices) - 1) * kOfLattice;
+                      kRoomAt = kLatticesAt + (std::size(kLattices) - 1) * kOfLattice,
+                      kPlates = std::size(kPlateNodes_qp), kStills = std::size(kStillNodes_voxels),
+                      kValues = kRoomAt + 2 * kPlates + 1 + kStills;
 
 constexpr double kLeastLoss = 5e-4;       // of SSIM: smaller ones are not told apart
 constexpr double kShrinkage = 0.15;       // of the covariance towards its diagonal
@@ -43,7 +45,31 @@ std::vector<double> ssim_from(const double* losses) {
   return out;
 }
 
-std::vector<double> values_of(const GridValues& grid) {
+void add_room(const RoomValues& room, std::vector<double>& out) {
+  for (const double bytes : room.plate_bytes) out.push_back(std::log(bytes));
+  for (const double loss : room.plate_loss) out.push_back(std::log(loss + kLeastLoss));
+  out.push_back(std::log(room.still_bytes));
+  for (const double loss : room.still_loss) out.push_back(std::log(loss + kLeastLoss));
+}
+
+/// Losses rise with a coarser node.
+RoomValues room_of(const double* at) {
+  RoomValues out;
+  const auto losses = [&](std::size_t count) {
+    std::vector<double> of_nodes(count);
+    double most = 0;
+    for (double& loss : of_nodes) loss = most = std::max(most, std::exp(*at++) - kLeastLoss);
+    return of_nodes;
+  };
+  for (std::size_t i = 0; i < kPlates; ++i) out.plate_bytes.push_back(std::exp(*at++));
+  out.plate_loss = losses(kPlates);
+  out.still_bytes = std::exp(*at++);
+  out.still_loss = losses(kStills);
+  return out;
+}
+
+std::vector<double> values_of(const Sweep& sweep) {
+  const GridValues grid = grid_values(sweep);
   std::vector<double> out;
   for (const double mbps : grid.geometry_mbps) out.push_back(std::log(mbps));
   for (const double mbps : grid.texture_mbps) out.push_back(std::log(mbps));
@@ -51,6 +77,7 @@ std::vector<double> values_of(const GridValues& grid) {
   for (std::size_t l = 0; l < grid.lattices.size(); ++l)
     if (const auto& [rate, ssim, moving_ssim] = grid.lattices[l]; kLattices[l] != kBits)
       out.insert(out.end(), {std::log(rate), ssim, moving_ssim});
+  add_room(room_values(sweep), out);
   return out;
 }
 
@@ -214,11 +241,11 @@ CurvePredictor CurvePredictor::train(std::span<const Sweep> training) {
   Members members;
   for (const Sweep& sweep : training)
     (sweep.layers ? members.layers : members.without_layers)
-        .push_back({space.at(sweep.features), values_of(grid_values(sweep))});
+        .push_back({space.at(sweep.features), values_of(sweep)});
   return {std::move(space), std::move(members)};
 }
 
-GridValues CurvePredictor::predict_values(const Observation& observed) const {
+std::vector<double> CurvePredictor::values_given(const Observation& observed) const {
   const auto& kind = observed.layers ? members_.layers : members_.without_layers;
   const auto& members =
       kind.empty() ? (observed.layers ? members_.without_layers : members_.layers) : kind;
@@ -243,8 +270,12 @@ GridValues CurvePredictor::predict_values(const Observation& observed) const {
                         log_rate(produced.texture_mbps), noise});
   }
   std::vector<double> vector = Ensemble(members).given(readings);
-  GridValues grid =
-      grid_of({vector.begin() + static_cast<std::ptrdiff_t>(features.size()), vector.end()});
+  vector.erase(vector.begin(), vector.begin() + static_cast<std::ptrdiff_t>(features.size()));
+  return vector;
+}
+
+RateSurface CurvePredictor::predict(const Observation& observed) const {
+  GridValues grid = grid_of(values_given(observed));
   make_monotone(grid);
   if (!observed.produced.empty()) {
     const auto& newest = observed.produced.back();
@@ -256,21 +287,36 @@ GridValues CurvePredictor::predict_values(const Observation& observed) const {
     for (double& mbps : grid.geometry_mbps) mbps *= geometry;
     for (double& mbps : grid.texture_mbps) mbps *= texture;
   }
-  return grid;
+  return RateSurface(weighted(std::move(grid), observed.moving_weight));
 }
 
-RateSurface CurvePredictor::predict(const Observation& observed) const {
-  return RateSurface(weighted(predict_values(observed), observed.moving_weight));
+RoomValues CurvePredictor::predict_room(const Observation& observed) const {
+  return room_of(&values_given(observed)[kRoomAt]);
 }
 
-Setting CurvePredictor::choose(const Observation& observed, double target_mbps) const {
+std::vector<RatePoint> CurvePredictor::allowed_points(const Observation& observed) const {
   std::vector<RatePoint> points = candidate_points(predict(observed), observed.bits);
   const auto is_allowed = [&](const RatePoint& p) {
     return p.setting.error_voxels >= observed.least_error_voxels &&
            p.setting.error_voxels <= observed.coarsest_error_voxels;
   };
   if (std::ranges::any_of(points, is_allowed)) std::erase_if(points, std::not_fn(is_allowed));
-  return best_within(points, target_mbps).setting;
+  return points;
+}
+
+Setting CurvePredictor::choose(const Observation& observed, double target_mbps) const {
+  return best_within(allowed_points(observed), target_mbps).setting;
+}
+
+double CurvePredictor::backlog_share(const Observation& observed, const Backlog& backlog,
+                                     double target_mbps) const {
+  if (!observed.layers) return kUsualBacklogShare;
+  const double error_voxels = observed.produced.empty()
+                                  ? kUsualSetting.error_voxels
+                                  : observed.produced.back().setting.error_voxels;
+  const double lacking =
+      (1 - observed.moving_weight) * loss_of(backlog, predict_room(observed), error_voxels);
+  return share_until_sent(allowed_points(observed), target_mbps, lacking);
 }
 
 }  // namespace mr::rate

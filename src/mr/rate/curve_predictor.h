@@ -5,12 +5,14 @@
 
 #include "mr/rate/feature_space.h"
 #include "mr/rate/model.h"
+#include "mr/rate/room.h"
 #include "mr/rate/swept_surface.h"
 
 namespace mr::rate {
 
 /// Our model. A scene is one vector: its features, the logarithms of its rates at the grid's nodes,
-/// and those of its losses of quality against the best. Vectors of scenes are taken to be Gaussian,
+/// those of its losses of quality against the best, and the same of its room: plates and still
+/// surface. Vectors of scenes are taken to be Gaussian,
 /// with the mean and the (shrunk) covariance of the training sweeps. Features, and what the
 /// encoders really produced, are readings of some of its values; the others are predicted by
 /// conditioning on them, as an ensemble Kalman filter does (Evensen 1994). The rates are at last
@@ -34,13 +36,19 @@ class CurvePredictor final : public Model {
 
   /// The rate of every setting, and its quality, what moves weighted as the observation says.
   RateSurface predict(const Observation& observed) const;
+  /// What the still surface and the plates take and lose.
+  RoomValues predict_room(const Observation& observed) const;
+
   Setting choose(const Observation& observed, double target_mbps) const override;
+  double backlog_share(const Observation& observed, const Backlog& backlog,
+                       double target_mbps) const override;
 
   const FeatureSpace& space() const { return space_; }
   const Members& members() const { return members_; }
 
  private:
-  GridValues predict_values(const Observation& observed) const;
+  std::vector<double> values_given(const Observation& observed) const;
+  std::vector<RatePoint> allowed_points(const Observation& observed) const;
 
   FeatureSpace space_;
   Members members_;

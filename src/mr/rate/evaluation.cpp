@@ -4,6 +4,10 @@
 #include <chrono>
 #include <cmath>
 #include <iterator>
+#include <string>
+
+#include "mr/rate/curve_predictor.h"
+#include "mr/rate/room.h"
 
 namespace mr::rate {
 namespace {
@@ -37,6 +41,13 @@ Prediction predict(const Model& model, const Sweep& sweep, const RateSurface& tr
     if (is_settled) break;
     if (corrections.sees_produced) observed.produced.push_back(produced_at(truth, setting));
   }
+  return out;
+}
+
+std::vector<Sweep> without_scene(std::span<const Sweep> sweeps, const std::string& scene) {
+  std::vector<Sweep> out;
+  std::ranges::copy_if(sweeps, std::back_inserter(out),
+                       [&](const Sweep& s) { return s.scene != scene; });
   return out;
 }
 
@@ -97,16 +108,39 @@ InterpolationError interpolation_error(std::span<const Sweep> sweeps) {
   return out;
 }
 
+RoomError room_error(std::span<const Sweep> sweeps) {
+  RoomError out;
+  for (const Sweep& sweep : sweeps) {
+    const std::vector<Sweep> others = without_scene(sweeps, sweep.scene);
+    if (sweep.plates.empty() || sweep.stills.empty() || others.empty()) continue;
+    Observation observed;
+    observed.layers = sweep.layers, observed.features = sweep.features;
+    const RoomValues got = CurvePredictor::train(others).predict_room(observed),
+                     truth = room_values(sweep);
+    const auto off = [](double a, double b) { return std::abs(a / b - 1); };
+    for (std::size_t i = 0; i < truth.plate_bytes.size(); ++i) {
+      const auto n = static_cast<double>(truth.plate_bytes.size());
+      out.plate_bytes += off(got.plate_bytes[i], truth.plate_bytes[i]) / n;
+      out.plate_loss += std::abs(got.plate_loss[i] - truth.plate_loss[i]) / n;
+    }
+    out.still_bytes += off(got.still_bytes, truth.still_bytes);
+    for (std::size_t i = 0; i < truth.still_loss.size(); ++i)
+      out.still_loss += std::abs(got.still_loss[i] - truth.still_loss[i]) /
+                        static_cast<double>(truth.still_loss.size());
+    ++out.scenes;
+  }
+  for (double* sum : {&out.plate_bytes, &out.still_bytes, &out.plate_loss, &out.still_loss})
+    *sum /= std::max<double>(static_cast<double>(out.scenes), 1);
+  return out;
+}
+
 std::vector<Prediction> leave_one_out(std::span<const Sweep> sweeps, const Trainer& train,
                                       const Targets& targets, const Corrections& corrections) {
   std::vector<Prediction> out;
   for (auto first = sweeps.begin(); first != sweeps.end();) {
     const auto end =
         std::find_if(first, sweeps.end(), [&](const Sweep& s) { return s.scene != first->scene; });
-    std::vector<Sweep> others;
-    std::ranges::copy_if(sweeps, std::back_inserter(others),
-                         [&](const Sweep& s) { return s.scene != first->scene; });
-    const std::unique_ptr<Model> model = train(others);
+    const std::unique_ptr<Model> model = train(without_scene(sweeps, first->scene));
     for (; first != end; ++first) {
       const GridValues values = grid_values(*first);
       const RateSurface truth(values), moving(weighted(values, 1));

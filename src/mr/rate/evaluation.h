@@ -45,6 +45,15 @@ struct InterpolationError {
 };
 InterpolationError interpolation_error(std::span<const Sweep> sweeps);
 
+/// How far our model's predictions of the room are off, with features alone, for scenes it was not
+/// trained on: means over these and over the nodes.
+struct RoomError {
+  std::size_t scenes = 0;
+  double plate_bytes = 0, still_bytes = 0;  ///< |predicted / true - 1|
+  double plate_loss = 0, still_loss = 0;    ///< of SSIM
+};
+RoomError room_error(std::span<const Sweep> sweeps);
+
 using Trainer = std::function<std::unique_ptr<Model>(std::span<const Sweep>)>;
 /// The targets for a scene, given its hull and what its usual setting costs.
 using Targets =

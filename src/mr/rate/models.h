@@ -17,7 +17,7 @@ namespace mr::rate {
 
 /// All models that a scene may name, trained on the same sweeps.
 struct Models {
-  static constexpr int kVersion = 2;  ///< of the file
+  static constexpr int kVersion = 3;  ///< of the file
 
   Classifier classifier;
   LookupTable lookup;

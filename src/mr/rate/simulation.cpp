@@ -106,6 +106,13 @@ class Steps {
   std::deque<double> recent_;      ///< Mbit/s of single captures
 };
 
+/// The backlog of a burst: plates, coarse at first, that become finer with every byte.
+Backlog waiting(double bytes, double of_burst) {
+  constexpr double kBestQp = 20, kFirstQp = 44;
+  const double left = of_burst > 0 ? bytes / of_burst : 0;
+  return {0, bytes, kBestQp + left * (kFirstQp - kBestQp), kBestQp};
+}
+
 }  // namespace
 
 std::vector<Trace> traces(double low, double high, std::uint64_t seed) {
@@ -128,10 +135,11 @@ SimulationResult simulate(Controller& controller, const Sweep& sweep, const Trac
                           int key_frame_every) {
   SimulationResult out;
   SimulatedScene scene(sweep, seed);
+  const RoomValues room = room_values(sweep);
   Steps steps(sweep.fps);
   controller.set_features(sweep.features);
   const int captures = static_cast<int>(std::lround(seconds * sweep.fps));
-  double backlog = 0, busier = 1, busy_until_s = 0, shown_ssim = 0;
+  double backlog = 0, burst_bytes = 0, busier = 1, busy_until_s = 0, shown_ssim = 0;
   bool key_frame_needed = false;
   for (int i = 0; i < captures; ++i) {
     const double s = i / sweep.fps;
@@ -140,13 +148,13 @@ SimulationResult simulate(Controller& controller, const Sweep& sweep, const Trac
     bool key_frame = i == 0 || (key_frame_every > 0 && i % key_frame_every == 0);
     for (const Burst& burst : bursts)
       if (i == static_cast<int>(std::lround(burst.at_s * sweep.fps))) {
-        backlog += burst.still_bytes, key_frame |= burst.key_frame;
+        burst_bytes = backlog += burst.still_bytes, key_frame |= burst.key_frame;
         busier = burst.busier, busy_until_s = s + 2;
       }
     const double target = trace.mbps(s);
     controller.set_target(target);
     const Setting before = controller.setting();
-    CapturePlan plan = controller.begin(backlog);
+    CapturePlan plan = controller.begin(waiting(backlog, burst_bytes));
     second.changes += before != controller.setting();
     second.skipped += plan.skipped;
     CaptureBytes sent;
@@ -168,6 +176,8 @@ SimulationResult simulate(Controller& controller, const Sweep& sweep, const Trac
     second.target_mbps += target / sweep.fps, second.mbps += mbps / sweep.fps;
     second.refinement_mbps += sent.refinement * 8e-6;
     second.ssim += shown_ssim / sweep.fps;
+    second.lacking +=
+        loss_of(waiting(backlog, burst_bytes), room, plan.setting.error_voxels) / sweep.fps;
   }
   out.response_s = steps.longest_s(captures / sweep.fps);
   return out;

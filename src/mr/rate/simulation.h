@@ -32,7 +32,8 @@ struct Burst {
 /// One second of a simulated stream.
 struct SimulatedSecond {
   double target_mbps = 0, mbps = 0;
-  double ssim = 0;               ///< of what is shown
+  double ssim = 0;               ///< of what is shown, with all of the room
+  double lacking = 0;            ///< of that, while a backlog waits (loss_of())
   double refinement_mbps = 0;    ///< part of mbps
   int skipped = 0, changes = 0;  ///< captures left out; changes of the setting
 };
