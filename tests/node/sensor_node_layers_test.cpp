@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <deque>
+#include <numeric>
 #include <string>
 
 #include "mr/codec/alpha_codec.h"
@@ -184,6 +186,40 @@ TEST(SensorNodeLayers, ChunksOfTheRoomWaitForAFrameThatIsSent) {
   for (int i = 0; i < kLearnt; ++i) usual.see(wall()), disturbed.see(wall());
   EXPECT_TRUE(disturbed.chunks(Layer::moving).empty());
   EXPECT_NEAR(surface_area_m2(disturbed.surface()), surface_area_m2(usual.surface()), 0.01);
+}
+
+TEST(SensorNodeLayers, OverALinkOfKnownLimitTheRoomComesPieceByPiece) {
+  Scene narrow = with_layers();
+  narrow.fusion.chunk_m = 0.32;  // so that there are pieces
+  narrow.rate.model = RateConfig::Model::ours;
+  Sensor usual(narrow);
+  narrow.links = {{usual.node.id(), "root", 1.2}};
+  Sensor paced(narrow);
+  const double share = 1.2e6 / 8 / narrow.fps;
+  const auto still_bytes = [](const Packet& packet) {
+    double out = 0;
+    for (const EncodedChunk& chunk : packet.chunks)
+      if (chunk.key.id.layer == Layer::still) out += static_cast<double>(chunk.payload.size());
+    return out;
+  };
+  double most_usual = 0, most_paced = 0, in_a_second = 0;
+  std::deque<double> second;
+  for (int i = 0; i < 8 * kLearnt; ++i) {
+    const Packet packet = usual.see(wall());
+    usual.node.answer({.key_frames = {}, .chunks = {}, .taken = {}, .shown = packet.sequence});
+    most_usual = std::max(most_usual, still_bytes(packet));
+    const Packet piece = paced.see(wall());
+    paced.node.answer({.key_frames = {}, .chunks = {}, .taken = {}, .shown = piece.sequence});
+    most_paced = std::max(most_paced, still_bytes(piece));
+    second.push_back(still_bytes(piece));
+    if (second.size() > 30) second.pop_front();
+    in_a_second = std::max(in_a_second, std::accumulate(second.begin(), second.end(), 0.0));
+  }
+  EXPECT_GT(most_usual, 2 * most_paced);
+  EXPECT_LT(in_a_second, 45 * share) << "a second, and what was kept";
+  EXPECT_NEAR(surface_area_m2(paced.surface()), surface_area_m2(usual.surface()), 0.01);
+  EXPECT_TRUE(paced.chunks(Layer::moving).empty()) << "handed over once it was sent";
+  EXPECT_EQ(paced.chunks(Layer::still).size(), usual.chunks(Layer::still).size());
 }
 
 TEST(SensorNodeLayers, WatchedFramesTeachTheRoomWithoutPackets) {

@@ -205,6 +205,20 @@ TEST(Controller, TheCoarserThePlatesTheMoreTheyGet) {
   }
 }
 
+TEST(Controller, WhatIsSavedForThePlatesLeavesOutNoCapture) {
+  for (const MadeScene& scene : made_other_scenes())
+    for (const double qp : {20.5, 26.0, 44.0}) {
+      MadeStream stream(scene, target_at(scene, 0.4));
+      stream.backlog = 1e7, stream.backlog_qp = qp;
+      stream.least_piece = 1e9;  // it never goes
+      stream.run(15);
+      int left_out = 0;
+      for (std::size_t i = 150; i < stream.captures.size(); ++i)
+        left_out += stream.captures[i].plan.skipped;
+      EXPECT_EQ(left_out, 0) << scene.name << ' ' << qp;
+    }
+}
+
 TEST(Controller, WhatWasChosenInABurstIsTakenBackSoonAfterIt) {
   for (const MadeScene& scene : made_other_scenes()) {
     const double target = target_at(scene, 0.6);

@@ -59,6 +59,7 @@ class ChunkPublisher {
   /// The cubes whose still surface waits to be sent: surface that packets have had, with other
   /// views, does not count.
   std::set<Vec3i> waiting_still() const;
+  std::uint32_t publications() const { return publications_; }
   /// All still surface that was set before this many publications was sent.
   std::uint32_t sent_until() const;
 

@@ -462,8 +462,20 @@ Rect RootAtlas::Window::follow(const Rect& wanted, const Rect& whole) {
       rect.width = most.width, rect.height = most.height;
     before = std::exchange(lately, {});
   }
-  rect.x = std::min(x, whole.x + whole.width - rect.width);
-  rect.y = std::min(y, whole.y + whole.height - rect.height);
+  // Where it may stay, it does: each move is a key frame. Else what is wanted comes to its middle.
+  const auto place = [&](int at, int size, int wanted_at, int wanted_size, int whole_at,
+                         int whole_size) {
+    const auto holds = [&](int first) {
+      return first >= whole_at && first <= wanted_at &&
+             wanted_at + wanted_size <= std::min(first + size, whole_at + whole_size);
+    };
+    const int last = whole_at + whole_size - size;
+    if (holds(at) && at <= last) return at;
+    const int middle = start(wanted_at - (size - wanted_size) / 2, whole_at);
+    return std::clamp(holds(middle) ? middle : start(wanted_at, whole_at), whole_at, last);
+  };
+  rect.x = place(rect.x, rect.width, wanted.x, wanted.width, whole.x, whole.width);
+  rect.y = place(rect.y, rect.height, wanted.y, wanted.height, whole.y, whole.height);
   return rect;
 }
 

@@ -43,6 +43,9 @@ SensorNode::SensorNode(const Scene& scene, SensorId id, NodeClock clock, StillWo
                          sensor::ReconstructedSpace{scene.volume, scene.floor, scene.up});
   if (scene.rate.model != RateConfig::Model::fixed) features_.emplace(scene.sensor(id).precision);
   if (has_layers(scene, id)) layers_.emplace(scene, id, registration_, still_work, trace_);
+  for (const LinkConfig& link : scene.links)
+    if (layers_ && link.from == this->id() && link.limit_mbps > 0)
+      link_pace_.emplace(link.limit_mbps, scene.fps);
 }
 
 bool SensorNode::watch(Frame frame) {
@@ -148,32 +151,56 @@ Status SensorNode::add_mesh(const Reconstructed& surface, Packet& packet) {
   return trace_.time("encode_mesh", [&] {
     Mesh mesh = surface.mesh;
     set_sensor(mesh, sensor_);
+    if (!surface.still.chunks.empty()) unsent_stills_.push_back(publisher_.publications());
     for (StillChunk chunk : surface.still.chunks) {
       set_sensor(chunk.piece.mesh, sensor_);
       publisher_.set_still(chunk.cube, std::move(chunk.piece));
     }
     publisher_.set_moving(mesh, surface.errors);
-    return publisher_.publish(packet.plan.mesh_speed, packet);
+    return publish(packet);
   });
 }
 
+/// Where this packet comes to nothing, the next one has the same sequence and names the chunks:
+/// receivers ask for those that it does not bring.
+Status SensorNode::publish(Packet& packet) {
+  Allowance of_still;
+  if (link_pace_) {
+    const auto moving = publisher_.code_moving(packet.plan.mesh_speed);
+    if (!moving) return moving.error();
+    of_still = link_pace_->next(static_cast<double>(*moving) + picture_bytes_);
+  }
+  if (const Status done = publisher_.publish(packet.plan.mesh_speed, packet, of_still); !done)
+    return done;
+  if (link_pace_)
+    for (const EncodedChunk& chunk : packet.chunks)
+      if (chunk.key.id.layer == Layer::still)
+        link_pace_->spend(static_cast<double>(chunk.payload.size()));
+  const std::uint32_t until = publisher_.sent_until();
+  for (; !unsent_stills_.empty() && unsent_stills_.front() < until; unsent_stills_.pop_front())
+    layers_->note_sent(sequence_);
+  return {};
+}
+
+Status SensorNode::add_picture(const Reconstructed& surface, Packet& packet) {
+  if (packet.views.empty()) return {};
+  auto unit = trace_.time("encode_video", [&] {
+    return texture_.encode(surface.frame.color, packet.plan.texture_qp, 0);
+  });
+  if (!unit) return unit.error();
+  picture_bytes_ = static_cast<double>(unit->data.size());
+  packet.textures.push_back(*std::move(unit));
+  if (std::ranges::count(surface.alpha.data, 0) > 0)
+    packet.alpha = {{stream_of(sensor_), AlphaPlane::kStep_px, surface.alpha.width,
+                     surface.alpha.height, codec::encode_alpha(surface.alpha)}};
+  return {};
+}
+
 Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
-  // Where this packet comes to nothing, the next one has the same sequence and names the chunks:
-  // receivers ask for those that it does not bring.
-  if (!surface.still.chunks.empty()) layers_->note_sent(sequence_);
   Packet packet = head(surface);
   if (clock_.now) packet.marks.push_back({"sensors/reconstructed", clock_.now()});
   if (const Status coded = add_mesh(surface, packet); !coded) return coded.error();
-  if (!packet.views.empty()) {
-    auto unit = trace_.time("encode_video", [&] {
-      return texture_.encode(surface.frame.color, packet.plan.texture_qp, 0);
-    });
-    if (!unit) return unit.error();
-    packet.textures.push_back(*std::move(unit));
-    if (std::ranges::count(surface.alpha.data, 0) > 0)
-      packet.alpha = {{stream_of(sensor_), AlphaPlane::kStep_px, surface.alpha.width,
-                       surface.alpha.height, codec::encode_alpha(surface.alpha)}};
-  }
+  if (const Status coded = add_picture(surface, packet); !coded) return coded.error();
   if (clock_.now) packet.marks.push_back({"sensors/coded", clock_.now()});
   ++sequence_;
   return writer_.write(std::move(packet));

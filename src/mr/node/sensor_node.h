@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "mr/core/result.h"
 #include "mr/core/trace.h"
 #include "mr/node/chunk_publisher.h"
+#include "mr/node/link_pace.h"
 #include "mr/node/node_clock.h"
 #include "mr/node/plans.h"
 #include "mr/node/sensor_layers.h"
@@ -81,7 +83,9 @@ class SensorNode {
  private:
   Result<ImageDepth> depth_to_reconstruct(Reconstructed& out);
   Packet head(const Reconstructed& surface) const;
+  Status add_picture(const Reconstructed& surface, Packet& packet);
   Status add_mesh(const Reconstructed& surface, Packet& packet);
+  Status publish(Packet& packet);
 
   const Scene* scene_;
   SensorId sensor_;
@@ -94,6 +98,9 @@ class SensorNode {
   std::optional<SensorLayers> layers_;  ///< none: everything is reconstructed with every frame
   SurfaceReconstructor reconstructor_;
   ChunkPublisher publisher_;
+  std::optional<LinkPace> link_pace_;        ///< none: the link's limit is not known
+  std::deque<std::uint32_t> unsent_stills_;  ///< publications before which they were set
+  double picture_bytes_ = 0;                 ///< of the last one
   TextureStream texture_;
   codec::HeadWriter writer_;
   std::atomic<std::uint64_t> sequence_ = 0;

@@ -28,7 +28,7 @@ constexpr double kOtherLoad = 0.6;   // of what the setting needed first: the sc
 constexpr double kLeast_mbps = 0.01;
 constexpr double kRepay = 4;                         // captures over which credit is used
 constexpr double kMostCredit = 3;                    // captures' worth, saved
-constexpr double kMostPurse_s = 0.4;                 // seconds' worth: as a second has room for
+constexpr double kPurseAbove = 0.05;                 // seconds' worth, above the backlog's share
 constexpr double kHold_s = 1, kHoldReversal_s = 10;  // between changes that are not urgent
 constexpr double kLongestGap_s = 1;                  // between captures that are sent
 
@@ -55,7 +55,7 @@ void Controller::set_target(double mbps) {
   if (wanted < target_mbps_ && credit_ > 0)  // was saved from what there is no more
     credit_ = wanted > 0.9 * target_mbps_ ? credit_ * wanted / target_mbps_ : 0;
   target_mbps_ = wanted;
-  purse_ = std::min(purse_, largest_piece());
+  purse_ = std::min(purse_, largest_piece());  // the rest was saved from what there is no more
 }
 
 void Controller::set_lattice(int bits) { observed_.bits = setting_.bits = bits; }
@@ -114,7 +114,17 @@ double Controller::purse_room(double backlog) const {
   return std::max(std::min(largest_piece(), backlog) - purse_, 0.0);
 }
 
-double Controller::largest_piece() const { return kMostPurse_s * fps_ * bytes_of(target_mbps_); }
+/// As much as a second has room for, beside what moves: more could not be spent at once.
+double Controller::largest_piece() const {
+  const double share = backlog_share_ > 0 ? backlog_share_ : kUsualBacklogShare;
+  return (share + kPurseAbove) * fps_ * bytes_of(target_mbps_);
+}
+
+/// A purse that became too large goes back to what moves.
+void Controller::limit_purse() {
+  const double over = std::max(purse_ - largest_piece(), 0.0);
+  purse_ -= over, credit_ += over;
+}
 
 double Controller::left() const {
   const double share = bytes_of(target_mbps_);
@@ -226,6 +236,7 @@ void Controller::share_out(const Backlog& waiting) {
       model_->backlog_share(observed_, waiting, target_mbps_ * nominal_fps_ / fps_);
   const double most = backlog_share_ > 0 ? backlog_share_ + kRise : kUsualBacklogShare;
   backlog_share_ = std::min(wanted, most);
+  limit_purse();
 }
 
 CapturePlan Controller::begin(const Backlog& waiting, double extra) {
@@ -240,7 +251,7 @@ CapturePlan Controller::begin(const Backlog& waiting, double extra) {
 
   // Where the least is more than the share, captures wait until what was saved pays for one.
   const double least = geometry_ + extra + texture_at(kCoarsestQp, key_frame_needed_);
-  const double saved = std::min(share + credit_, left() - purse_);
+  const double saved = std::min(share + credit_, left());  // not for the purse's sake
   is_best_effort_ = geometry_ + texture_at(kCoarsestQp, false) > 1.1 * share;
   const double room = std::max(left() - purse_ - least, 0.0);
   planned_ = {setting_, key_frame_needed_, false,

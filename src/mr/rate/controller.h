@@ -110,6 +110,7 @@ class Controller {
   bool has_ample(double mbps) const;
   void note_produced();
   void share_out(const Backlog& waiting);
+  void limit_purse();
   void decide(double for_setting_mbps);
   double load(double budget_mbps) const { return mbps_of(geometry_ + texture_) / budget_mbps; }
   bool has_scene_changed(double budget_mbps) const;

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <algorithm>
+
+#include "mr/node/allowance.h"
+
+namespace mr::node {
+
+/// Paces a sensor's still surface into a link whose limit is known. It gets what picture and moving
+/// surface leave of the link, and at least a tenth of that. What is not used, since chunks come in
+/// one piece, is kept: up to half a second's worth. Time is counted in captures.
+class LinkPace {
+ public:
+  /// Both above 0.
+  LinkPace(double limit_mbps, double fps)
+      : share_(limit_mbps * 1e6 / 8 / fps), most_(kMost_s * fps * share_) {}
+
+  /// Of the next capture, whose picture and moving surface take `others` bytes.
+  Allowance next(double others) {
+    saved_ = std::min(saved_ + std::max(kOfLink * share_ - others, kLeast * share_), most_);
+    return {std::max(saved_, 0.0), saved_ >= most_};
+  }
+  /// The still surface took `bytes` of it.
+  void spend(double bytes) { saved_ -= bytes; }
+
+ private:
+  static constexpr double kOfLink = 0.9, kLeast = 0.1, kMost_s = 0.5;
+
+  double share_, most_;  ///< bytes: of a capture; that are kept
+  double saved_ = 0;
+};
+
+}  // namespace mr::node
