@@ -4,11 +4,10 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <deque>
-#include <numeric>
 #include <string>
 
 #include "mr/codec/alpha_codec.h"
+#include "mr/node/link_pace.h"
 #include "support/one_sensor.h"
 
 namespace mr {
@@ -189,37 +188,48 @@ TEST(SensorNodeLayers, ChunksOfTheRoomWaitForAFrameThatIsSent) {
 }
 
 TEST(SensorNodeLayers, OverALinkOfKnownLimitTheRoomComesPieceByPiece) {
-  Scene narrow = with_layers();
-  narrow.fusion.chunk_m = 0.32;  // so that there are pieces
-  narrow.rate.model = RateConfig::Model::ours;
-  Sensor usual(narrow);
-  narrow.links = {{usual.node.id(), "root", 1.2}};
-  Sensor paced(narrow);
-  const double share = 1.2e6 / 8 / narrow.fps;
-  const auto still_bytes = [](const Packet& packet) {
-    double out = 0;
+  Scene scene = with_layers();
+  scene.fusion.chunk_m = 0.32;  // so that there are pieces
+  Sensor usual(scene);
+  scene.links = {{usual.node.id(), "root", 0.1}};
+  Sensor paced(scene);
+  const auto see = [](Sensor& sensor) {
+    const Packet packet = sensor.see(wall());
+    sensor.node.answer({.key_frames = {}, .chunks = {}, .taken = {}, .shown = packet.sequence});
+    double still = 0;
     for (const EncodedChunk& chunk : packet.chunks)
-      if (chunk.key.id.layer == Layer::still) out += static_cast<double>(chunk.payload.size());
-    return out;
+      if (chunk.key.id.layer == Layer::still) still += static_cast<double>(chunk.payload.size());
+    return still;
   };
-  double most_usual = 0, most_paced = 0, in_a_second = 0;
-  std::deque<double> second;
+  double most_usual = 0, most_paced = 0;
   for (int i = 0; i < 8 * kLearnt; ++i) {
-    const Packet packet = usual.see(wall());
-    usual.node.answer({.key_frames = {}, .chunks = {}, .taken = {}, .shown = packet.sequence});
-    most_usual = std::max(most_usual, still_bytes(packet));
-    const Packet piece = paced.see(wall());
-    paced.node.answer({.key_frames = {}, .chunks = {}, .taken = {}, .shown = piece.sequence});
-    most_paced = std::max(most_paced, still_bytes(piece));
-    second.push_back(still_bytes(piece));
-    if (second.size() > 30) second.pop_front();
-    in_a_second = std::max(in_a_second, std::accumulate(second.begin(), second.end(), 0.0));
+    most_usual = std::max(most_usual, see(usual));
+    most_paced = std::max(most_paced, see(paced));
   }
-  EXPECT_GT(most_usual, 2 * most_paced);
-  EXPECT_LT(in_a_second, 45 * share) << "a second, and what was kept";
+  EXPECT_LT(most_paced, 0.3 * most_usual);
   EXPECT_NEAR(surface_area_m2(paced.surface()), surface_area_m2(usual.surface()), 0.01);
-  EXPECT_TRUE(paced.chunks(Layer::moving).empty()) << "handed over once it was sent";
   EXPECT_EQ(paced.chunks(Layer::still).size(), usual.chunks(Layer::still).size());
+  EXPECT_TRUE(paced.chunks(Layer::moving).empty()) << "handed over once it was sent";
+}
+
+TEST(LinkPace, GivesWhatOthersLeaveAndATenthAtLeast) {
+  node::LinkPace pace(2.4, 30);  // 10 kB a capture
+  EXPECT_NEAR(pace.next(4000, true).bytes, 5000, 1e-6);
+  pace.spend(5000);
+  EXPECT_NEAR(pace.next(20'000, true).bytes, 1000, 1e-6);
+}
+
+TEST(LinkPace, KeepsForALargePieceWhileItWaits) {
+  node::LinkPace pace(2.4, 30);
+  for (int i = 0; i < 10; ++i) pace.next(0, true);
+  EXPECT_NEAR(pace.next(0, true).bytes, 99'000, 1e-6);
+  for (int i = 0; i < 10; ++i) pace.next(0, true);
+  const node::Allowance most = pace.next(0, true);
+  EXPECT_NEAR(most.bytes, 150'000, 1e-6) << "half a second";
+  EXPECT_TRUE(most.one_anyway);
+  pace.spend(170'000);
+  EXPECT_EQ(pace.next(0, true).bytes, 0);
+  EXPECT_NEAR(pace.next(0, false).bytes, 9000, 1e-6) << "what a link did not carry is gone";
 }
 
 TEST(SensorNodeLayers, WatchedFramesTeachTheRoomWithoutPackets) {

@@ -462,7 +462,8 @@ Rect RootAtlas::Window::follow(const Rect& wanted, const Rect& whole) {
       rect.width = most.width, rect.height = most.height;
     before = std::exchange(lately, {});
   }
-  // Where it may stay, it does: each move is a key frame. Else what is wanted comes to its middle.
+  // Where it may stay, it does: each move is a key frame. Else it moves as far as it can, as what
+  // left it will go on.
   const auto place = [&](int at, int size, int wanted_at, int wanted_size, int whole_at,
                          int whole_size) {
     const auto holds = [&](int first) {
@@ -471,8 +472,10 @@ Rect RootAtlas::Window::follow(const Rect& wanted, const Rect& whole) {
     };
     const int last = whole_at + whole_size - size;
     if (holds(at) && at <= last) return at;
-    const int middle = start(wanted_at - (size - wanted_size) / 2, whole_at);
-    return std::clamp(holds(middle) ? middle : start(wanted_at, whole_at), whole_at, last);
+    const int rightmost = start(wanted_at, whole_at);
+    const int leftmost = start(wanted_at + wanted_size - size + kStep_px - 1, whole_at);
+    const bool goes_left = wanted_at < at;
+    return std::clamp(goes_left && holds(leftmost) ? leftmost : rightmost, whole_at, last);
   };
   rect.x = place(rect.x, rect.width, wanted.x, wanted.width, whole.x, whole.width);
   rect.y = place(rect.y, rect.height, wanted.y, wanted.height, whole.y, whole.height);

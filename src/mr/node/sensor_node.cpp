@@ -168,7 +168,8 @@ Status SensorNode::publish(Packet& packet) {
   if (link_pace_) {
     const auto moving = publisher_.code_moving(packet.plan.mesh_speed);
     if (!moving) return moving.error();
-    of_still = link_pace_->next(static_cast<double>(*moving) + picture_bytes_);
+    of_still = link_pace_->next(static_cast<double>(*moving) + picture_bytes_,
+                                publisher_.waiting_bytes() > 0);
   }
   if (const Status done = publisher_.publish(packet.plan.mesh_speed, packet, of_still); !done)
     return done;
