@@ -435,50 +435,73 @@ ImageRgb RootAtlas::draw_plates(const Children& children) {
                               std::exchange(spare_, {}));
 }
 
+namespace {
+
+constexpr int kStep_px = 64, kSize_px = 128;  // of windows: of their places, of their sizes
+
+/// A window, or what it is to show, along one axis; pixels.
+struct Extent {
+  int first = 0, size = 0;
+
+  int end() const { return first + size; }
+  bool holds(const Extent& other) const { return first <= other.first && other.end() <= end(); }
+};
+
+int step_before(int at, const Extent& whole) {
+  return whole.first + (at - whole.first) / kStep_px * kStep_px;
+}
+
+/// The size of a window that begins at a step and ends with what is wanted.
+int needed_size(const Extent& wanted, const Extent& whole) {
+  return wanted.end() - step_before(wanted.first, whole);
+}
+
+/// That, with a reserve.
+int ample_size(int needed, int whole) {
+  return std::min((needed + needed / 4 + kSize_px - 1) / kSize_px * kSize_px, whole);
+}
+
+/// Where a window may stay, it does: after a move, the video finds nothing where it was. Else it
+/// moves as far as it can, as what left it will go on.
+int place(const Extent& window, const Extent& wanted, const Extent& whole) {
+  if (window.holds(wanted) && whole.holds(window)) return window.first;
+  Extent moved{step_before(wanted.end() - window.size + kStep_px - 1, whole), window.size};
+  const bool goes_left = wanted.first < window.first;
+  if (!goes_left || !moved.holds(wanted) || !whole.holds(moved))
+    moved.first = step_before(wanted.first, whole);
+  return std::clamp(moved.first, whole.first, whole.end() - window.size);
+}
+
+}  // namespace
+
 Rect RootAtlas::Window::follow(const Rect& wanted, const Rect& whole) {
-  constexpr int kStep_px = 64, kSize_px = 128, kLookBackEvery = 32;
+  constexpr int kLookBackEvery = 32;
   constexpr double kWorthShrinking = 0.75;
   if (wanted.empty()) {
     if (rect.empty())
       rect = {whole.x, whole.y, std::min(kStep_px, whole.width), std::min(kStep_px, whole.height)};
     return rect;
   }
-  const auto start = [&](int first, int whole_first) {
-    return whole_first + (first - whole_first) / kStep_px * kStep_px;
+  const Extent wanted_x{wanted.x, wanted.width}, wanted_y{wanted.y, wanted.height},
+      whole_x{whole.x, whole.width}, whole_y{whole.y, whole.height};
+  const Size need{needed_size(wanted_x, whole_x), needed_size(wanted_y, whole_y)};
+  const auto grow = [](const Extent& window, const Extent& part, int needed, int most) {
+    const bool is_enough = window.holds(part) || window.size >= needed;
+    return is_enough ? window.size : ample_size(needed, most);
   };
-  const auto ample = [&](int need, int whole_size) {
-    return std::min((need + need / 4 + kSize_px - 1) / kSize_px * kSize_px, whole_size);
-  };
-  const auto area = [](Size s) { return static_cast<double>(s.width) * s.height; };
-  const int x = start(wanted.x, whole.x), y = start(wanted.y, whole.y);
-  const Size need{wanted.x + wanted.width - x, wanted.y + wanted.height - y};
-  if (need.width > rect.width) rect.width = ample(need.width, whole.width);
-  if (need.height > rect.height) rect.height = ample(need.height, whole.height);
+  rect.width = grow({rect.x, rect.width}, wanted_x, need.width, whole.width);
+  rect.height = grow({rect.y, rect.height}, wanted_y, need.height, whole.height);
   lately = {std::max(lately.width, need.width), std::max(lately.height, need.height)};
   if (++ticks % kLookBackEvery == 0) {
-    const Size most{ample(std::max(lately.width, before.width), whole.width),
-                    ample(std::max(lately.height, before.height), whole.height)};
-    if (area(most) < kWorthShrinking * area({rect.width, rect.height}))
+    const Size most{ample_size(std::max(lately.width, before.width), whole.width),
+                    ample_size(std::max(lately.height, before.height), whole.height)};
+    const auto area = [](int width, int height) { return static_cast<double>(width) * height; };
+    if (area(most.width, most.height) < kWorthShrinking * area(rect.width, rect.height))
       rect.width = most.width, rect.height = most.height;
     before = std::exchange(lately, {});
   }
-  // Where it may stay, it does: each move is a key frame. Else it moves as far as it can, as what
-  // left it will go on.
-  const auto place = [&](int at, int size, int wanted_at, int wanted_size, int whole_at,
-                         int whole_size) {
-    const auto holds = [&](int first) {
-      return first >= whole_at && first <= wanted_at &&
-             wanted_at + wanted_size <= std::min(first + size, whole_at + whole_size);
-    };
-    const int last = whole_at + whole_size - size;
-    if (holds(at) && at <= last) return at;
-    const int rightmost = start(wanted_at, whole_at);
-    const int leftmost = start(wanted_at + wanted_size - size + kStep_px - 1, whole_at);
-    const bool goes_left = wanted_at < at;
-    return std::clamp(goes_left && holds(leftmost) ? leftmost : rightmost, whole_at, last);
-  };
-  rect.x = place(rect.x, rect.width, wanted.x, wanted.width, whole.x, whole.width);
-  rect.y = place(rect.y, rect.height, wanted.y, wanted.height, whole.y, whole.height);
+  rect.x = place({rect.x, rect.width}, wanted_x, whole_x);
+  rect.y = place({rect.y, rect.height}, wanted_y, whole_y);
   return rect;
 }
 
