@@ -39,10 +39,10 @@ class RootAtlas {
     const std::vector<SourceInfo>& sources;
   };
 
-  /// The part of a camera picture that a live tile shows. It stays while it holds what is wanted, and
-  /// moves in steps. A change of its size
-  /// needs a key frame, so the size changes with hysteresis: it grows with a reserve and shrinks
-  /// only after a while and by a substantial amount.
+  /// The part of a camera picture that a live tile shows. It stays while it holds what is wanted,
+  /// and moves in steps. A change of its size needs a key frame, so the size changes with
+  /// hysteresis: it grows with a reserve, and shrinks only after a while and by a substantial
+  /// amount.
   struct Window {
     struct Size {
       int width = 0, height = 0;
