@@ -27,11 +27,11 @@ std::pair<double, double> range_of(const rate::Sweep& sweep) {
 
 /// What waits at the start: all of the still surface and the plates; behind a door, a third.
 std::vector<rate::Burst> bursts_of(const rate::Sweep& sweep) {
-  double bytes = 0;
-  if (!sweep.stills.empty()) bytes += sweep.stills.front().bytes;
-  for (const rate::Sweep::Plates& plates : sweep.plates)
-    if (plates.qp == 20) bytes += plates.key_bytes;
-  return {{0, bytes, true, 1}, {kDoor_s, bytes / 3, true, 1.5}};
+  const double still = sweep.stills.empty() ? 0 : sweep.stills.front().bytes;
+  double plates = 0;
+  for (const rate::Sweep::Plates& of_qp : sweep.plates)
+    if (of_qp.qp == rate::kBestPlateQp) plates = of_qp.key_bytes;
+  return {{0, still, true, 1, plates}, {kDoor_s, still / 3, true, 1.5, plates / 3}};
 }
 
 /// What all scenes came to in one trace.

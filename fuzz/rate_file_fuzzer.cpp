@@ -20,7 +20,7 @@ void choose(const Models& models) {
     for (const double mbps : {0.0, 1.0, 1e9, std::nan("")}) {
       const Setting setting = model->choose(observed, mbps);
       observed.produced.push_back({setting, 1, 2});
-      const double share = model->backlog_share(observed, {1e5, 1e5, 40, 20}, mbps);
+      const double share = model->backlog_share(observed, {1e5, 1e5, 1e5, 40, 20}, mbps);
       if (!(share >= kLeastBacklogShare && share < 1)) std::abort();
       observed.bits = setting.bits, observed.moving_weight = 0.5;
       observed.layers = !observed.layers;
@@ -38,7 +38,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (const Sweep& sweep : file->sweeps)
       if (is_complete(sweep))
         static_cast<void>(candidate_points(RateSurface(weighted(grid_values(sweep), 0.5)))),
-            static_cast<void>(loss_of({1e5, 1e5, 40, 20}, room_values(sweep), 2));
+            static_cast<void>(loss_of({1e5, 1e5, 1e5, 40, 20}, room_values(sweep), 2));
   }
   return 0;
 }

@@ -37,7 +37,6 @@ using rate::TextureNode;
 constexpr double kErrorOfBits_voxels = 1;
 constexpr TextureNode kTexturesOfBits[] = {{1, 28}, {0.7, 38}};
 // Plates and still surface cost nothing in the steady state: they are at their best.
-constexpr int kPlateQp = 20;
 // Captures that run in full before the burst, until the still surface is handed over, and then
 // until its plates are refined.
 constexpr int kHandOver = 14, kRefined = 32;
@@ -281,7 +280,7 @@ class MomentSweep {
     const auto pictures = drawn(scale);
     if (!pictures) return pictures.error();
     if (!plate_) {
-      auto coded = encode_plates(kPlateQp);
+      auto coded = encode_plates(rate::kBestPlateQp);
       if (!coded) return coded.error();
       plate_ = std::move(coded->second);
     }
@@ -513,7 +512,7 @@ class MomentSweep {
   RootInputs inputs_;
   std::map<double, std::vector<node::RootAtlas::Drawn>> drawn_;  ///< by scale
   ImageRgb plates_;                                              ///< empty: there are none
-  std::optional<ImageLuma> plate_;                               ///< decoded, at kPlateQp
+  std::optional<ImageLuma> plate_;                               ///< decoded, at kBestPlateQp
   std::vector<Surface> surfaces_;                                ///< [sweep_.geometries]
   std::vector<double> moving_bytes_;                             ///< [sweep_.geometries]
   double least_head_bytes_ = std::numeric_limits<double>::infinity();

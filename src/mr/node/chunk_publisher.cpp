@@ -107,7 +107,8 @@ std::vector<ChunkPublisher::Item*> ChunkPublisher::fresh(Layer layer) {
     if (item.first.layer == layer && (item.second.is_new || !reuse_)) out.push_back(&item);
   if (layer == Layer::still)
     std::ranges::stable_sort(out, {}, [](const Item* item) {
-      return std::pair(item->second.before != 0, item->second.since);
+      const Live& chunk = item->second;
+      return std::tuple(!chunk.is_new, chunk.before != 0, chunk.since);
     });
   return out;
 }
@@ -183,13 +184,22 @@ Status ChunkPublisher::publish(int mesh_speed, Packet& packet, Allowance of_stil
   return {};
 }
 
+double ChunkPublisher::bytes_of(const Live& chunk) const {
+  return chunk.coded ? static_cast<double>(chunk.coded->payload.size())
+                     : bytes_per_triangle_ * static_cast<double>(chunk.piece.mesh.triangles.size());
+}
+
+double ChunkPublisher::missing_bytes() const {
+  double out = 0;
+  for (const auto& [id, chunk] : live_)
+    if (chunk.is_new && chunk.before == 0 && id.layer == Layer::still) out += bytes_of(chunk);
+  return out;
+}
+
 double ChunkPublisher::waiting_bytes() const {
   double out = 0;
   for (const auto& [id, chunk] : live_)
-    if (chunk.is_new && id.layer == Layer::still)
-      out += chunk.coded
-                 ? static_cast<double>(chunk.coded->payload.size())
-                 : bytes_per_triangle_ * static_cast<double>(chunk.piece.mesh.triangles.size());
+    if (chunk.is_new && id.layer == Layer::still) out += bytes_of(chunk);
   for (const EncodedChunk& chunk : std::span(background_).subspan(background_sent_))
     out += static_cast<double>(chunk.payload.size());
   return out;

@@ -54,11 +54,14 @@ class ChunkPublisher {
   /// where nothing was comes first, the rest waits for the next packet.
   Status publish(int mesh_speed, Packet& packet, Allowance of_still = {});
 
-  /// About how many bytes of still surface wait to be sent.
+  /// About how many bytes of still surface and background wait to be sent.
   double waiting_bytes() const;
+  /// Of these, the bytes of surface in whose place nothing still was sent.
+  double missing_bytes() const;
   /// The cubes whose still surface waits to be sent: surface that packets have had, with other
   /// views, does not count.
   std::set<Vec3i> waiting_still() const;
+  /// How often publish() was called, without those that failed.
   std::uint32_t publications() const { return publications_; }
   /// All still surface that was set before this many publications was sent.
   std::uint32_t sent_until() const;
@@ -85,6 +88,7 @@ class ChunkPublisher {
   void bring_background(Allowance allowed, Packet& packet);
   void put(const ChunkId& id, SurfacePiece piece);
   std::vector<Item*> fresh(Layer layer);
+  double bytes_of(const Live& chunk) const;
   Status code(std::span<Item* const> items, int mesh_speed);
   Status bring(std::span<Item* const> items, Allowance& allowed, int mesh_speed, Packet& packet);
 

@@ -7,18 +7,18 @@
 namespace mr::node {
 
 /// Paces a sensor's still surface into a link whose limit is known. It gets what picture and moving
-/// surface leave of the link, and at least a tenth of that. What is not used while some waits,
-/// since chunks come in one piece, is kept: up to half a second's worth. Time is counted in
-/// captures.
+/// surface leave of nine tenths of the link, and at least a tenth of the link. What is not used
+/// while some waits, since chunks come in one piece, is kept: up to half a second's worth. Time is
+/// counted in captures.
 class LinkPace {
  public:
   /// Both above 0.
   LinkPace(double limit_mbps, double fps)
       : share_(limit_mbps * 1e6 / 8 / fps), most_(kMost_s * fps * share_) {}
 
-  /// Of the next capture, whose picture and moving surface take `others` bytes.
+  /// Of the next capture, of which all the rest takes `others` bytes.
   Allowance next(double others, bool some_waits) {
-    if (!some_waits) saved_ = 0;
+    if (!some_waits) saved_ = std::min(saved_, 0.0);
     saved_ = std::min(saved_ + std::max(kOfLink * share_ - others, kLeast * share_), most_);
     return {std::max(saved_, 0.0), saved_ >= most_};
   }

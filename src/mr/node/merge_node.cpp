@@ -94,7 +94,8 @@ Result<std::vector<std::byte>> MergeNode::send(const CaptureSet& captures, const
 }
 
 rate::Backlog MergeNode::backlog() const {
-  rate::Backlog out{.still_bytes = publisher_.waiting_bytes()};
+  rate::Backlog out{.still_bytes = publisher_.waiting_bytes(),
+                    .missing_bytes = publisher_.missing_bytes()};
   if (poses_.views.empty()) return out;
   const RootAtlas::Waiting& plates = atlas_.waiting();
   out.plate_bytes = plates.bytes, out.plate_qp = plates.qp, out.best_plate_qp = plates.best_qp;

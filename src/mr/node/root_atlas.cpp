@@ -382,13 +382,15 @@ void RootAtlas::note_plate_bytes(std::size_t bytes, std::size_t blocks, int qp) 
 std::optional<RootAtlas::DuePlates> RootAtlas::due_plates(int best_qp, const PlateLimits& limits) {
   plates_held_ = false, waiting_ = {};
   if (are_plates_new(plate_layout_.views.front().layout)) return new_plates(best_qp, limits);
-  return limits.may_refine ? refined_plates(best_qp, limits) : std::nullopt;
+  if (limits.may_refine) return refined_plates(best_qp, limits);
+  waiting_ = {0, rows_.mean_qp(), static_cast<double>(best_qp)};  // still surface comes first
+  return std::nullopt;
 }
 
 /// What is new comes with the finest quantiser that fits. What was coarser than that becomes finer
 /// with it.
 std::optional<RootAtlas::DuePlates> RootAtlas::new_plates(int best_qp, const PlateLimits& limits) {
-  constexpr int kCoarsestQp = 44;
+  constexpr int kCoarsestQp = rate::kCoarsestPlateQp;
   const bool is_whole = plate_.key_frame_asked() || drawn_layout_ == 0 ||
                         drawn_layout_ != plate_layout_.views.front().layout;
   const std::size_t all = valid_blocks();
@@ -482,6 +484,7 @@ Rect RootAtlas::Window::follow(const Rect& wanted, const Rect& whole) {
       rect = {whole.x, whole.y, std::min(kStep_px, whole.width), std::min(kStep_px, whole.height)};
     return rect;
   }
+  rect.width = std::min(rect.width, whole.width), rect.height = std::min(rect.height, whole.height);
   const Extent wanted_x{wanted.x, wanted.width}, wanted_y{wanted.y, wanted.height},
       whole_x{whole.x, whole.width}, whole_y{whole.y, whole.height};
   const Size need{needed_size(wanted_x, whole_x), needed_size(wanted_y, whole_y)};

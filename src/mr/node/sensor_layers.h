@@ -65,9 +65,10 @@ class SensorLayers {
     std::vector<StillChunk> chunks;  ///< of the still surface, that changed
     bool began_anew = false;  ///< the camera was pushed: what was known does not hold any more
   };
-  /// What the next packet is to bring; once.
+  /// What the next packets are to bring; once.
   News take_news();
-  /// The packet with that sequence brings chunks of take_news().
+  /// The packet with that sequence brings the last chunks of the oldest take_news() of which some
+  /// were not sent.
   void note_sent(std::uint64_t sequence);
   /// The merger shows the still surface as that packet had it.
   void note_shown(std::uint64_t sequence);
@@ -102,7 +103,7 @@ class SensorLayers {
   std::uint32_t begun_ = 0;               ///< of which the surface is being reconstructed
   std::uint32_t made_ = 0;                ///< of which it was
   std::mutex sent_mutex_;                 ///< guards what is below
-  std::deque<std::uint32_t> on_the_way_;  ///< in frames that were taken and are not coded yet
+  std::deque<std::uint32_t> on_the_way_;  ///< taken, and not all sent yet
   std::deque<std::pair<std::uint64_t, std::uint32_t>> sent_;  ///< by packets, which are not shown
   std::uint32_t shown_ = 0;
   SideJob<Chunks> job_;  ///< last: it uses what is above

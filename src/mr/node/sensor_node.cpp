@@ -43,8 +43,9 @@ SensorNode::SensorNode(const Scene& scene, SensorId id, NodeClock clock, StillWo
                          sensor::ReconstructedSpace{scene.volume, scene.floor, scene.up});
   if (scene.rate.model != RateConfig::Model::fixed) features_.emplace(scene.sensor(id).precision);
   if (has_layers(scene, id)) layers_.emplace(scene, id, registration_, still_work, trace_);
+  const bool is_controlled = scene.rate.model != RateConfig::Model::fixed;
   for (const LinkConfig& link : scene.links)
-    if (layers_ && link.from == this->id() && link.limit_mbps > 0)
+    if (is_controlled && layers_ && link.from == this->id() && link.limit_mbps > 0)
       link_pace_.emplace(link.limit_mbps, scene.fps);
 }
 
@@ -165,18 +166,14 @@ Status SensorNode::add_mesh(const Reconstructed& surface, Packet& packet) {
 /// receivers ask for those that it does not bring.
 Status SensorNode::publish(Packet& packet) {
   Allowance of_still;
-  if (link_pace_) {
-    const auto moving = publisher_.code_moving(packet.plan.mesh_speed);
-    if (!moving) return moving.error();
-    of_still = link_pace_->next(static_cast<double>(*moving) + picture_bytes_,
-                                publisher_.waiting_bytes() > 0);
-  }
+  if (link_pace_) of_still = link_pace_->next(other_bytes_, publisher_.waiting_bytes() > 0);
   if (const Status done = publisher_.publish(packet.plan.mesh_speed, packet, of_still); !done)
     return done;
-  if (link_pace_)
-    for (const EncodedChunk& chunk : packet.chunks)
-      if (chunk.key.id.layer == Layer::still)
-        link_pace_->spend(static_cast<double>(chunk.payload.size()));
+  still_bytes_ = 0;
+  for (const EncodedChunk& chunk : packet.chunks)
+    if (chunk.key.id.layer == Layer::still)
+      still_bytes_ += static_cast<double>(chunk.payload.size()) + ChunkPublisher::kNameBytes;
+  if (link_pace_) link_pace_->spend(still_bytes_);
   const std::uint32_t until = publisher_.sent_until();
   for (; !unsent_stills_.empty() && unsent_stills_.front() < until; unsent_stills_.pop_front())
     layers_->note_sent(sequence_);
@@ -189,7 +186,6 @@ Status SensorNode::add_picture(const Reconstructed& surface, Packet& packet) {
     return texture_.encode(surface.frame.color, packet.plan.texture_qp, 0);
   });
   if (!unit) return unit.error();
-  picture_bytes_ = static_cast<double>(unit->data.size());
   packet.textures.push_back(*std::move(unit));
   if (std::ranges::count(surface.alpha.data, 0) > 0)
     packet.alpha = {{stream_of(sensor_), AlphaPlane::kStep_px, surface.alpha.width,
@@ -204,7 +200,9 @@ Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
   if (const Status coded = add_picture(surface, packet); !coded) return coded.error();
   if (clock_.now) packet.marks.push_back({"sensors/coded", clock_.now()});
   ++sequence_;
-  return writer_.write(std::move(packet));
+  std::vector<std::byte> bytes = writer_.write(std::move(packet));
+  other_bytes_ = std::max(static_cast<double>(bytes.size()) - still_bytes_, 0.0);
+  return bytes;
 }
 
 std::vector<std::byte> SensorNode::answer(const codec::Control& control) {

@@ -24,7 +24,7 @@ constexpr double kUsualKey = 8;  // key frames, in other frames, until one was s
 constexpr double kErrorPower = 0.3;  // bytes of the mesh fall with this power of the error limit
 constexpr double kFinerMesh = 1.4;   // errors, by a step
 constexpr double kHelps = 0.95;      // an urgent change cuts what is needed to less
-constexpr double kOtherLoad = 0.6;   // of what the setting needed first: the scene has changed
+constexpr double kOtherNeed = 0.6;   // of what the setting needed first: the scene has changed
 constexpr double kLeast_mbps = 0.01;
 constexpr double kRepay = 4;                         // captures over which credit is used
 constexpr double kMostCredit = 3;                    // captures' worth, saved
@@ -54,8 +54,9 @@ void Controller::set_target(double mbps) {
   target_changed_ |= std::abs(wanted - target_mbps_) > 0.02 * target_mbps_;
   if (wanted < target_mbps_ && credit_ > 0)  // was saved from what there is no more
     credit_ = wanted > 0.9 * target_mbps_ ? credit_ * wanted / target_mbps_ : 0;
+  const bool is_less = wanted < target_mbps_;
   target_mbps_ = wanted;
-  purse_ = std::min(purse_, largest_piece());  // the rest was saved from what there is no more
+  if (is_less) purse_ = std::min(purse_, largest_piece());  // was saved from what there is no more
 }
 
 void Controller::set_lattice(int bits) { observed_.bits = setting_.bits = bits; }
@@ -114,10 +115,11 @@ double Controller::purse_room(double backlog) const {
   return std::max(std::min(largest_piece(), backlog) - purse_, 0.0);
 }
 
-/// As much as a second has room for, beside what moves: more could not be spent at once.
+/// As much as a second has room for, beside what moves: more could not be spent at once. But all of
+/// a capture, where these come seldom.
 double Controller::largest_piece() const {
   const double share = backlog_share_ > 0 ? backlog_share_ : kUsualBacklogShare;
-  return (share + kPurseAbove) * fps_ * bytes_of(target_mbps_);
+  return std::max((share + kPurseAbove) * fps_, 1.0) * bytes_of(target_mbps_);
 }
 
 /// A purse that became too large goes back to what moves.
@@ -149,7 +151,7 @@ bool Controller::is_idle(double mbps) const {
 bool Controller::is_worth_it(const Setting& wanted, double budget_mbps) const {
   if (wanted == setting_) return false;
   if (!has_chosen_ || target_changed_) return true;
-  const double needed = load(budget_mbps) * budget_mbps;
+  const double needed = mbps_of(geometry_ + texture_);
   const bool is_reversal = direction_ != 0 && direction_of(setting_, wanted) != direction_;
   const bool is_urgent = needed > 1.3 * budget_mbps || mbps_at(kCoarsestQp) > budget_mbps;
   if (is_urgent)
@@ -158,18 +160,18 @@ bool Controller::is_worth_it(const Setting& wanted, double budget_mbps) const {
   const bool idle = is_idle(budget_mbps);
   if (idle && (wanted.error_voxels > setting_.error_voxels || wanted.scale < setting_.scale))
     return false;
-  const bool is_held = is_reversal && !idle && !has_scene_changed(budget_mbps);
+  const bool is_held = is_reversal && !idle && !has_scene_changed();
   const double hold_s = is_held ? kHoldReversal_s : kHold_s;
   if (since_change_ < hold_s * fps_) return false;
   const bool is_free = idle && wanted.scale == setting_.scale;  // no key frame
   return is_free || needed > 1.1 * budget_mbps || needed < 0.7 * budget_mbps;
 }
 
-/// Whether the setting in force needs another part of the budget than when it was new: what spoke
-/// for it then does no more.
-bool Controller::has_scene_changed(double budget_mbps) const {
-  const double by = first_load_ > 0 ? load(budget_mbps) / first_load_ : 1;
-  return by < kOtherLoad || by > 1 / kOtherLoad;
+/// Whether the setting in force needs much more or less than when it was new: what spoke for it
+/// then does no more.
+bool Controller::has_scene_changed() const {
+  const double by = first_needed_ > 0 ? (geometry_ + texture_) / first_needed_ : 1;
+  return by < kOtherNeed || by > 1 / kOtherNeed;
 }
 
 /// Bytes of a capture with another setting, judged by what the one in force takes.
@@ -188,7 +190,7 @@ void Controller::take(const Setting& setting) {
   key_ *= texture_ > 0 ? texture / texture_ : 1;
   texture_ = texture, geometry_ = expected_geometry(setting);
   key_frame_needed_ |= setting.scale != setting_.scale;
-  setting_ = setting, captures_ = textures_ = 0, since_change_ = 0, first_load_ = 0;
+  setting_ = setting, captures_ = textures_ = 0, since_change_ = 0, first_needed_ = 0;
 }
 
 /// Whether even the best quality leaves half of a rate: next to nothing moves. Models were trained
@@ -213,7 +215,7 @@ void Controller::note_produced() {
 
 /// Lets the model choose for a rate.
 void Controller::decide(double for_setting_mbps) {
-  if (captures_ >= kFewest && first_load_ <= 0) first_load_ = load(for_setting_mbps);
+  if (captures_ >= kFewest && first_needed_ <= 0) first_needed_ = geometry_ + texture_;
   Setting wanted = kFinestSetting;
   if (!has_ample(for_setting_mbps))
     wanted = model_->choose(observed_, for_setting_mbps * nominal_fps_ / fps_);

@@ -112,8 +112,7 @@ class Controller {
   void share_out(const Backlog& waiting);
   void limit_purse();
   void decide(double for_setting_mbps);
-  double load(double budget_mbps) const { return mbps_of(geometry_ + texture_) / budget_mbps; }
-  bool has_scene_changed(double budget_mbps) const;
+  bool has_scene_changed() const;
   int qp_of_rest() const;
   void save_for_backlog(double backlog, double unused);
   bool is_worth_it(const Setting& wanted, double budget_mbps) const;
@@ -134,8 +133,8 @@ class Controller {
   Setting setting_ = {};
   bool has_chosen_ = false, target_changed_ = true, is_best_effort_ = false;
   int since_sent_ = 0, since_decision_ = 0, since_change_ = 0;
-  int direction_ = 0;      ///< of the last change: 1 finer, -1 coarser
-  double first_load_ = 0;  ///< of the setting in force, load() as first measured; 0: not yet
+  int direction_ = 0;        ///< of the last change: 1 finer, -1 coarser
+  double first_needed_ = 0;  ///< bytes: of the setting in force, as first measured; 0: not yet
   double backlog_share_ = 0;
   // Of the setting in force, means over the last captures:
   double geometry_ = 0, texture_ = 0, key_ = 0;  ///< bytes of a capture; texture at setting_.qp

@@ -18,8 +18,9 @@ inline constexpr TextureNode kTextureNodes[] = {
     {1, 18},   {1, 23},   {1, 28},   {1, 33},   {1, 39},   {1, 45},  // by rising QP at each scale
     {0.7, 30}, {0.7, 38}, {0.7, 46}, {0.5, 34}, {0.5, 42}, {0.5, 50}};
 inline constexpr double kErrorNodes_voxels[] = {0.5, 1, 2.5, 6};
-inline constexpr int kPlateNodes_qp[] = {12, 20, 28, 36, 44};  // of the atlas of plates
-inline constexpr double kStillNodes_voxels[] = {0.35, 1, 3};   // errors of the still surface
+inline constexpr int kPlateNodes_qp[] = {12, 20, 28, 36, 44};   // of the atlas of plates
+inline constexpr int kBestPlateQp = 20, kCoarsestPlateQp = 44;  // of the usual plan; of all
+inline constexpr double kStillNodes_voxels[] = {0.35, 1, 3};    // errors of the still surface
 inline constexpr std::size_t kErrors = std::size(kErrorNodes_voxels),
                              kTextures = std::size(kTextureNodes);
 /// The least quality of what moves: with more, limbs and heads are lost, which SSIM of whole

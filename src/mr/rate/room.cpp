@@ -10,7 +10,7 @@
 namespace mr::rate {
 namespace {
 
-/// The logarithms of bytes, or losses, at the quantisers of the nodes; flat beyond them.
+/// Between the quantisers of the nodes; flat beyond them.
 double at_qp(const std::vector<double>& of_nodes, double qp) {
   const auto last = std::end(kPlateNodes_qp) - 1;
   const MonotoneCurve curve({std::begin(kPlateNodes_qp), std::end(kPlateNodes_qp)}, of_nodes);
@@ -20,12 +20,6 @@ double at_qp(const std::vector<double>& of_nodes, double qp) {
 }  // namespace
 
 double RoomValues::plate_loss_at(double qp) const { return at_qp(plate_loss, qp); }
-
-double RoomValues::plate_bytes_at(double qp) const {
-  std::vector<double> logs;
-  for (const double bytes : plate_bytes) logs.push_back(std::log(bytes));
-  return std::exp(at_qp(logs, qp));
-}
 
 double RoomValues::still_loss_at(double error_voxels) const {
   const MonotoneCurve curve({std::begin(kStillNodes_voxels), std::end(kStillNodes_voxels)},
@@ -44,8 +38,10 @@ RoomValues room_values(const Sweep& sweep) {
         out.plate_bytes[i] = std::max(plates.key_bytes, 1.0);
         out.plate_loss[i] = std::max(sweep.plates.front().ssim - plates.ssim, 0.0);
       }
-  for (std::size_t i = 0; i < std::min(std::size(kStillNodes_voxels), sweep.stills.size()); ++i)
-    out.still_loss[i] = std::max(sweep.stills.front().ssim - sweep.stills[i].ssim, 0.0);
+  for (std::size_t i = 0; i < std::size(kStillNodes_voxels); ++i)
+    for (const Sweep::Still& still : sweep.stills)
+      if (std::abs(still.error_voxels - kStillNodes_voxels[i]) < 1e-3)
+        out.still_loss[i] = std::max(sweep.stills.front().ssim - still.ssim, 0.0);
   if (!sweep.stills.empty()) out.still_bytes = std::max(sweep.stills.front().bytes, 1.0);
   return out;
 }
@@ -53,7 +49,7 @@ RoomValues room_values(const Sweep& sweep) {
 double loss_of(const Backlog& backlog, const RoomValues& room, double error_voxels) {
   const double of_plates = room.plate_loss_at(backlog.plate_qp) -
                            room.plate_loss_at(std::min(backlog.best_plate_qp, backlog.plate_qp));
-  const double waiting = std::min(backlog.still_bytes / room.still_bytes, 1.0);
+  const double waiting = std::min(backlog.missing_bytes / room.still_bytes, 1.0);
   return std::max(of_plates, 0.0) + waiting * room.still_loss_at(error_voxels);
 }
 

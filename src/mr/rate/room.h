@@ -15,7 +15,6 @@ struct RoomValues {
   std::vector<double> still_loss;   ///< [kStillNodes_voxels]
 
   double plate_loss_at(double qp) const;
-  double plate_bytes_at(double qp) const;
   double still_loss_at(double error_voxels) const;
 };
 
@@ -26,14 +25,15 @@ RoomValues room_values(const Sweep& sweep);
 /// Still surface and plates that wait to be sent.
 struct Backlog {
   double still_bytes = 0, plate_bytes = 0;
+  double missing_bytes = 0;  ///< of still_bytes, of surface in whose place nothing still is shown
   double plate_qp = 0;       ///< how fine the plates are as shown, in the mean over their blocks
   double best_plate_qp = 0;  ///< how fine they are going to be
 
   double bytes() const { return still_bytes + plate_bytes; }
 };
 
-/// What the picture lacks while all of a backlog waits. Still surface that waits is shown with the
-/// moving surface's error.
+/// What the picture lacks while all of a backlog waits. Still surface that is missing is shown as
+/// moving, with that error; what waits to take the place of other still surface lacks nothing.
 double loss_of(const Backlog& backlog, const RoomValues& room, double error_voxels);
 
 }  // namespace mr::rate

@@ -106,12 +106,28 @@ class Steps {
   std::deque<double> recent_;      ///< Mbit/s of single captures
 };
 
-/// The backlog of a burst: plates, coarse at first, that become finer with every byte.
-Backlog waiting(double bytes, double of_burst) {
-  constexpr double kBestQp = 20, kFirstQp = 44;
-  const double left = of_burst > 0 ? bytes / of_burst : 0;
-  return {0, bytes, kBestQp + left * (kFirstQp - kBestQp), kBestQp};
-}
+/// What waits: still surface, and behind it plates, coarse at first, that become finer with every
+/// byte.
+class SimulatedBacklog {
+ public:
+  void add(const Burst& burst) {
+    still_ += burst.still_bytes;
+    plates_ += burst.plate_bytes, all_plates_ = plates_;
+  }
+  double bytes() const { return still_ + plates_; }
+  void send(double bytes) {
+    const double of_still = std::min(bytes, still_);
+    still_ -= of_still, plates_ -= bytes - of_still;
+  }
+  Backlog waiting() const {
+    const double left = all_plates_ > 0 ? plates_ / all_plates_ : 0;
+    return {still_, plates_, still_, kBestPlateQp + left * (kCoarsestPlateQp - kBestPlateQp),
+            kBestPlateQp};
+  }
+
+ private:
+  double still_ = 0, plates_ = 0, all_plates_ = 0;
+};
 
 }  // namespace
 
@@ -139,7 +155,8 @@ SimulationResult simulate(Controller& controller, const Sweep& sweep, const Trac
   Steps steps(sweep.fps);
   controller.set_features(sweep.features);
   const int captures = static_cast<int>(std::lround(seconds * sweep.fps));
-  double backlog = 0, burst_bytes = 0, busier = 1, busy_until_s = 0, shown_ssim = 0;
+  SimulatedBacklog backlog;
+  double busier = 1, busy_until_s = 0, shown_ssim = 0;
   bool key_frame_needed = false;
   for (int i = 0; i < captures; ++i) {
     const double s = i / sweep.fps;
@@ -148,13 +165,13 @@ SimulationResult simulate(Controller& controller, const Sweep& sweep, const Trac
     bool key_frame = i == 0 || (key_frame_every > 0 && i % key_frame_every == 0);
     for (const Burst& burst : bursts)
       if (i == static_cast<int>(std::lround(burst.at_s * sweep.fps))) {
-        burst_bytes = backlog += burst.still_bytes, key_frame |= burst.key_frame;
+        backlog.add(burst), key_frame |= burst.key_frame;
         busier = burst.busier, busy_until_s = s + 2;
       }
     const double target = trace.mbps(s);
     controller.set_target(target);
     const Setting before = controller.setting();
-    CapturePlan plan = controller.begin(waiting(backlog, burst_bytes));
+    CapturePlan plan = controller.begin(backlog.waiting());
     second.changes += before != controller.setting();
     second.skipped += plan.skipped;
     CaptureBytes sent;
@@ -162,22 +179,21 @@ SimulationResult simulate(Controller& controller, const Sweep& sweep, const Trac
     if (!plan.skipped) {
       scene.capture(s < busy_until_s ? busier : 1);
       const CaptureBudget budget =
-          controller.code({scene.geometry(plan.setting), backlog, key_frame_needed});
+          controller.code({scene.geometry(plan.setting), backlog.bytes(), key_frame_needed});
       plan.setting.qp = budget.qp;
       sent = {scene.geometry(plan.setting), scene.texture(plan.setting, key_frame_needed),
-              key_frame_needed, std::min(budget.refinement, backlog)};
+              key_frame_needed, std::min(budget.refinement, backlog.bytes())};
       key_frame_needed = false;
       shown_ssim = scene.ssim(plan.setting);
     }
-    backlog -= sent.refinement;
+    backlog.send(sent.refinement);
     controller.sent(sent);
     const double mbps = (sent.geometry + sent.texture + sent.refinement) * 8e-6 * sweep.fps;
     steps.add(s, target, mbps, plan);
     second.target_mbps += target / sweep.fps, second.mbps += mbps / sweep.fps;
     second.refinement_mbps += sent.refinement * 8e-6;
     second.ssim += shown_ssim / sweep.fps;
-    second.lacking +=
-        loss_of(waiting(backlog, burst_bytes), room, plan.setting.error_voxels) / sweep.fps;
+    second.lacking += loss_of(backlog.waiting(), room, plan.setting.error_voxels) / sweep.fps;
   }
   out.response_s = steps.longest_s(captures / sweep.fps);
   return out;

@@ -24,9 +24,10 @@ std::vector<Trace> traces(double low_mbps, double high_mbps, std::uint64_t seed)
 /// What a scene demands at once: at the start, and when a door opens.
 struct Burst {
   double at_s = 0;
-  double still_bytes = 0;  ///< of still surface and plates that wait from then on
+  double still_bytes = 0;  ///< of still surface that waits from then on
   bool key_frame = true;
-  double busier = 1;  ///< factor on what the moving surface takes, for two seconds
+  double busier = 1;       ///< factor on what the moving surface takes, for two seconds
+  double plate_bytes = 0;  ///< of plates that wait from then on, behind the still surface
 };
 
 /// One second of a simulated stream.
