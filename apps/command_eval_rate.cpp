@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <functional>
+#include <initializer_list>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "commands.h"
 #include "eval_options.h"
@@ -104,18 +106,24 @@ std::vector<Outcome> evaluate(const std::vector<rate::Sweep>& sweeps) {
 
 double five_places(double v) { return std::round(v * 1e5) / 1e5; }
 
+Json rounded(std::initializer_list<std::pair<const char*, double>> figures) {
+  Json out = Json::object();
+  for (const auto& [name, value] : figures) out[name] = five_places(value);
+  return out;
+}
+
 Json models_of(const Outcome& outcome) {
   Json out = Json::object();
   for (const auto& [name, predictions] : outcome.models) {
     const rate::GapStatistics s = rate::statistics(predictions);
-    out[name] = {{"mean_gap", five_places(s.mean)},
-                 {"p95_gap", five_places(s.p95)},
-                 {"max_gap", five_places(s.max)},
-                 {"over_target", five_places(s.over)},
-                 {"rate_error", five_places(s.rate_error)},
-                 {"mean_loss", five_places(s.mean_loss)},
-                 {"max_loss", five_places(s.most_loss)},
-                 {"mean_moving_loss", five_places(s.mean_moving_loss)}};
+    out[name] = rounded({{"mean_gap", s.mean},
+                         {"p95_gap", s.p95},
+                         {"max_gap", s.max},
+                         {"over_target", s.over},
+                         {"rate_error", s.rate_error},
+                         {"mean_loss", s.mean_loss},
+                         {"max_loss", s.most_loss},
+                         {"mean_moving_loss", s.mean_moving_loss}});
   }
   return out;
 }
@@ -134,22 +142,6 @@ double decision_ms(const std::vector<Outcome>& outcomes) {
 }
 
 /// The first part's figures, and each part's under its key.
-Json to_json(const rate::InterpolationError& e) {
-  return {{"points", e.points},
-          {"mean_rate", five_places(e.mean_rate)},
-          {"max_rate", five_places(e.most_rate)},
-          {"mean_ssim", five_places(e.mean_ssim)},
-          {"max_ssim", five_places(e.most_ssim)}};
-}
-
-Json to_json(const rate::RoomError& e) {
-  return {{"scenes", e.scenes},
-          {"plate_bytes", five_places(e.plate_bytes)},
-          {"plate_loss", five_places(e.plate_loss)},
-          {"still_bytes", five_places(e.still_bytes)},
-          {"still_loss", five_places(e.still_loss)}};
-}
-
 std::string to_json(const std::vector<Outcome>& outcomes, const rate::InterpolationError& between,
                     const rate::RoomError& room, const std::vector<TraceRun>& traces) {
   Json out{{"models", models_of(outcomes.front())},
@@ -158,8 +150,16 @@ std::string to_json(const std::vector<Outcome>& outcomes, const rate::Interpolat
   for (const Outcome& outcome : outcomes)
     out["parts"][outcome.part.key] = {{"predictions", outcome.models.front().second.size()},
                                       {"models", models_of(outcome)}};
-  out["interpolation"] = to_json(between);
-  out["room"] = to_json(room);
+  out["interpolation"] = rounded({{"mean_rate", between.mean_rate},
+                                  {"max_rate", between.most_rate},
+                                  {"mean_ssim", between.mean_ssim},
+                                  {"max_ssim", between.most_ssim}});
+  out["interpolation"]["points"] = between.points;
+  out["room"] = rounded({{"plate_bytes", room.plate_bytes},
+                         {"plate_loss", room.plate_loss},
+                         {"still_bytes", room.still_bytes},
+                         {"still_loss", room.still_loss}});
+  out["room"]["scenes"] = room.scenes;
   out["traces"] = to_json(traces);
   return out.dump(2) + "\n";
 }

@@ -16,20 +16,20 @@ class LinkPace {
   LinkPace(double limit_mbps, double fps)
       : share_(limit_mbps * 1e6 / 8 / fps), most_(kMost_s * fps * share_) {}
 
-  /// Of the next capture, of which all the rest takes `others` bytes.
-  Allowance next(double others, bool some_waits) {
+  /// Of the next capture, whose rest is taken to be like the last one's.
+  Allowance next(bool some_waits) {
     if (!some_waits) saved_ = std::min(saved_, 0.0);
-    saved_ = std::min(saved_ + std::max(kOfLink * share_ - others, kLeast * share_), most_);
+    saved_ = std::min(saved_ + std::max(kOfLink * share_ - others_, kLeast * share_), most_);
     return {std::max(saved_, 0.0), saved_ >= most_};
   }
-  /// The still surface took `bytes` of it.
-  void spend(double bytes) { saved_ -= bytes; }
+  /// The capture's packet took `all` bytes, its still surface `still` of them.
+  void sent(double all, double still) { saved_ -= still, others_ = std::max(all - still, 0.0); }
 
  private:
   static constexpr double kOfLink = 0.9, kLeast = 0.1, kMost_s = 0.5;
 
   double share_, most_;  ///< bytes: of a capture; that are kept
-  double saved_ = 0;
+  double saved_ = 0, others_ = 0;
 };
 
 }  // namespace mr::node

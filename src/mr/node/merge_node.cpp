@@ -93,6 +93,7 @@ Result<std::vector<std::byte>> MergeNode::send(const CaptureSet& captures, const
   return bytes;
 }
 
+/// Still surface and plates.
 rate::Backlog MergeNode::backlog() const {
   rate::Backlog out{.still_bytes = publisher_.waiting_bytes(),
                     .missing_bytes = publisher_.missing_bytes()};

@@ -20,6 +20,15 @@ bool has_layers(const Scene& scene, SensorId id) {
   return scene.still.layers && !scene.sensor(id).is_moving();
 }
 
+/// With what names the chunks.
+double still_bytes(const Packet& packet) {
+  double out = 0;
+  for (const EncodedChunk& chunk : packet.chunks)
+    if (chunk.key.id.layer == Layer::still)
+      out += static_cast<double>(chunk.payload.size()) + ChunkPublisher::kNameBytes;
+  return out;
+}
+
 double share_of_measured(const ImageDepth& depth) {
   const auto pixels = static_cast<double>(depth.data.size());
   const auto measured = std::ranges::count_if(depth.data, [](float z) { return z > 0; });
@@ -166,14 +175,9 @@ Status SensorNode::add_mesh(const Reconstructed& surface, Packet& packet) {
 /// receivers ask for those that it does not bring.
 Status SensorNode::publish(Packet& packet) {
   Allowance of_still;
-  if (link_pace_) of_still = link_pace_->next(other_bytes_, publisher_.waiting_bytes() > 0);
+  if (link_pace_) of_still = link_pace_->next(publisher_.waiting_bytes() > 0);
   if (const Status done = publisher_.publish(packet.plan.mesh_speed, packet, of_still); !done)
     return done;
-  still_bytes_ = 0;
-  for (const EncodedChunk& chunk : packet.chunks)
-    if (chunk.key.id.layer == Layer::still)
-      still_bytes_ += static_cast<double>(chunk.payload.size()) + ChunkPublisher::kNameBytes;
-  if (link_pace_) link_pace_->spend(still_bytes_);
   const std::uint32_t until = publisher_.sent_until();
   for (; !unsent_stills_.empty() && unsent_stills_.front() < until; unsent_stills_.pop_front())
     layers_->note_sent(sequence_);
@@ -200,8 +204,9 @@ Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
   if (const Status coded = add_picture(surface, packet); !coded) return coded.error();
   if (clock_.now) packet.marks.push_back({"sensors/coded", clock_.now()});
   ++sequence_;
+  const double still = still_bytes(packet);
   std::vector<std::byte> bytes = writer_.write(std::move(packet));
-  other_bytes_ = std::max(static_cast<double>(bytes.size()) - still_bytes_, 0.0);
+  if (link_pace_) link_pace_->sent(static_cast<double>(bytes.size()), still);
   return bytes;
 }
 

@@ -98,9 +98,8 @@ class SensorNode {
   std::optional<SensorLayers> layers_;  ///< none: everything is reconstructed with every frame
   SurfaceReconstructor reconstructor_;
   ChunkPublisher publisher_;
-  std::optional<LinkPace> link_pace_;         ///< none: the link's limit is not known
-  std::deque<std::uint32_t> unsent_stills_;   ///< publications before which they were set
-  double still_bytes_ = 0, other_bytes_ = 0;  ///< of the last packet
+  std::optional<LinkPace> link_pace_;        ///< none: the link's limit is not known
+  std::deque<std::uint32_t> unsent_stills_;  ///< publications before which they were set
   TextureStream texture_;
   codec::HeadWriter writer_;
   std::atomic<std::uint64_t> sequence_ = 0;
